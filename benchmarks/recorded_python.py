@@ -46,7 +46,7 @@ def _query(_: Path) -> pd.DataFrame:
 
 def _slice(_: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     found = sa.map_slice(sa.load("kr60-3"), step_mm=300.0)
-    return found.to_frame(), found.points()
+    return found.to_frame("quantities"), found.to_frame()
 
 
 def _converted(_: Path) -> pd.DataFrame:
@@ -90,7 +90,7 @@ FUNCTIONS: dict[str, Callable[[Path], object]] = {
     "fit": lambda _: _surrogate().to_frame(),
     "query": _query,
     "index": lambda _: sa.index(_calibrated().arm, pose=POSE, force=(0.0, 0.0, -650.0)).to_frame(),
-    "map_joints": lambda _: sa.map_joints(_calibrated().arm, points=5).points(),
+    "map_joints": lambda _: sa.map_joints(_calibrated().arm, points=5).to_frame(),
     "map_slice": _slice,
     "posture": lambda _: sa.posture(sa.load("kr60-3"), BRACKET / "bracket.cls", cell=BRACKET / "cell.toml").to_frame(),
     "place": _place,

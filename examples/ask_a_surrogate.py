@@ -20,7 +20,8 @@ answers = surrogate.query(q_deg=poses)
 
 frame = answers.to_frame()
 figure, ax = plt.subplots(layout="constrained")
-q2, low, high = frame["q2_deg"], frame["low95"], frame["high95"]
+low, high = frame["stiffness_low95_N_per_mm"], frame["stiffness_high95_N_per_mm"]
+q2 = frame["q2_deg"]
 ax.fill_between(q2, low, high, alpha=0.3, label="95 %")
 ax.plot(q2, answers.values, label="surrogate")
 ax.set(xlabel="q2 (deg)", ylabel="vertical stiffness (N/mm)", ylim=(0, None))

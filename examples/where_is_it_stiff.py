@@ -14,9 +14,9 @@ print(plane)
 # Picture: the stiffness under a vertical load in the plane through the base, with the
 # arm at its stiffest point. It is warm and stiff near the column, cold and soft at full
 # reach.
-plane.plot("where_is_it_stiff.png")
+plane.plot(file="where_is_it_stiff.png")
 
-points = plane.points().dropna()
+points = plane.to_frame().dropna()
 most, least = points["stiffness_N_per_mm"].max(), points["stiffness_N_per_mm"].min()
 print(f"Between {least:.0f} and {most:.0f} N/mm: {most / least:.0f} times as stiff")
 stiffest = points.loc[points["stiffness_N_per_mm"].idxmax()]

@@ -7,7 +7,10 @@ when they are first used: this file runs before the command line can heed Ctrl-C
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
+    from stiffarm.commands.fit.command import fit
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.maps.command import Map, map_box, map_cylinder, map_index, map_joints, map_slice
+    from stiffarm.commands.query.command import Surrogate, load_surrogate, query
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
@@ -18,7 +21,6 @@ if TYPE_CHECKING:
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
     from stiffarm.face.imports import Imported, import_arm, import_link
-    from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from stiffarm.face.readings import Readings, bundled, read_readings
     from stiffarm.face.rehearsals import Rehearsal, rehearse
     from stiffarm.face.shop import Placement, Posture, place, posture
-    from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
     from stiffarm.result import Result
 
     __version__: str
@@ -78,6 +79,7 @@ __all__ = [
     "load_surrogate",
     "map_box",
     "map_cylinder",
+    "map_index",
     "map_joints",
     "map_slice",
     "new_arm",
@@ -86,6 +88,7 @@ __all__ = [
     "post",
     "posture",
     "power",
+    "query",
     "read_readings",
     "rehearse",
     "robots_bundled",

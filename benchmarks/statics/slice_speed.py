@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stiffarm.commands.maps.request import MapRequest
+from stiffarm.commands.maps.request import SliceRequest
 from stiffarm.session.inputs import read_model
 from stiffarm.session.parsing import parse_frame
 from surrogate.maps import self_motion
@@ -59,7 +59,7 @@ def row(robot: str, options: dict[str, str], before: float) -> str:
     given = read_model(robot, None, None)
     tool = parse_frame(options["--tool"], "--tool") if "--tool" in options else None
     pose, best_by = options.get("--pose", "stiffest"), options.get("--best-by", "stiffness")
-    engine = MapRequest(kind="slice", values=("stiffness",), pose=pose, best_by=best_by, tool=tool).engine(given)
+    engine = SliceRequest(values=("stiffness",), pose=pose, best_by=best_by, tool=tool).engine(given)
     rule, arm, points = engine.rule, engine.arm, points_of(engine.grid)
     assert isinstance(rule, Extreme)
     assert arm is not None

@@ -30,7 +30,7 @@ _WHAT: Final = (
     ("*.urdf", "the calibrated arm as URDF"),
     ("controller.json", "values for the controller: zeros, frames, tool points"),
     ("surrogate.json", "the surrogate, for `query` and `map`"),
-    ("*surrogate_errors.json", "the errors of every basis tried"),
+    ("fit.json", "the errors of every basis tried"),
     ("*surrogate*.json", "a surrogate, for `query` and `map`"),
     ("*run.json", "command, versions, hashes and timings"),
     ("*.json", "the figures, for other programs"),

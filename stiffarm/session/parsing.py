@@ -277,26 +277,6 @@ def parse_joint_figures(robot: Robot, text: str, option: str) -> Array:
     return np.broadcast_to(np.array(values), (robot.dof,)).copy()
 
 
-def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) -> dict[str, float]:
-    """Where the coordinates that are no input of a surrogate stand: ``q5_deg=0``; deg, 0 if not given."""
-    others = tuple(n for n in robot.coordinates if n not in names)
-    if text is not None and not others:
-        raise InputError("--fixed", code="A002", value=text, allowed="nothing: every coordinate is one of --inputs")
-    given = {} if text is None else parse_pairs(text, "--fixed", others)
-    fixed = {name: given.get(name, 0.0) for name in others}
-    for name, value in fixed.items():
-        low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
-        if not low <= value <= high:
-            raise InputError(
-                f"--fixed: {name}" + ("" if name in given else ", which is not given and taken as 0"),
-                code="A005",
-                value=value,
-                allowed=f"{low:g} to {high:g} deg",
-                remedy=f"give --fixed {name}=..., or make it one of --inputs",
-            )
-    return fixed
-
-
 # What a flange carries at most.
 HEAVIEST_kg: Final = 5000.0
 WIDEST_mm: Final = 5000.0

@@ -166,8 +166,8 @@ def test_the_same_pose_and_load_have_the_same_answer_everywhere(
     part = {n: v for n, v in q_deg.items() if n in learned.learned.inputs}
     asked = ",".join(f"{n}={v!r}" for n, v in part.items())
     answers = run_here("query", file, "--pose", asked, "--json").json
-    found["query"] = told(answers["answers"][0], "stiffness_N_per_mm", ("low95", "high95"))
-    found["sa.query"] = told(learned.query(part).frame.iloc[0], "stiffness_N_per_mm", ("low95", "high95"))
+    found["query"] = told(answers["answers"][0], *names)
+    found["sa.query"] = told(sa.query(surrogate=learned, pose=part).as_json["answers"][0], *names)
 
     def percent(value: str | float | None) -> float:
         return float(value) if c.has_interval and value is not None else float("nan")
@@ -179,7 +179,7 @@ def test_the_same_pose_and_load_have_the_same_answer_everywhere(
     found["VTK"] = of_map(
         float(vtk["stiffness_N_per_mm"][near]), percent(vtk["uncertainty_percent"][near] if c.has_interval else None)
     )
-    mapped = sa.map_joints(arm, points=3, at_load_N=LOAD_N).data
+    mapped = sa.map_joints(arm, points=3, at_load=LOAD_N).data
     fields = {n: float(np.asarray(f.values)[row]) for n, f in mapped.fields.items() if not f.categories}
     found["sa.map_joints"] = of_map(fields["stiffness_N_per_mm"], percent(fields.get("uncertainty_percent")))
 

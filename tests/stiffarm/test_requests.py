@@ -20,6 +20,13 @@ from stiffarm.cli import COMMANDS, app, command_of
 from stiffarm.request import Request, options_of, spelled
 
 MADE = {
+    "fit": "FitRequest",
+    "map box": "BoxRequest",
+    "map cylinder": "CylinderRequest",
+    "map index": "IndexMapRequest",
+    "map joints": "JointsRequest",
+    "map slice": "SliceRequest",
+    "query": "QueryRequest",
     "index": "IndexRequest",
     "run": "RunRequest",
     "sensitivity": "SensitivityRequest",
@@ -32,7 +39,7 @@ POSE = {"q2_deg": -60.0, "q3_deg": 40.0, "q5_deg": 40.0}
 
 
 def request_of(name: str) -> type[Request]:
-    module = importlib.import_module(f"stiffarm.commands.{COMMANDS[name].folder}.command")
+    module = importlib.import_module(f"stiffarm.commands.{COMMANDS[name.partition(' ')[0]].folder}.command")
     found = getattr(module, MADE[name])
     assert issubclass(found, Request)
     return found
@@ -47,21 +54,25 @@ def test_each_capability_that_is_made_of_a_request_is_listed() -> None:
 @pytest.mark.parametrize("name", MADE)
 def test_command_function_and_page_have_the_fields_of_the_request(name: str) -> None:
     options = options_of(request_of(name))
-    command = command_of(name)
-    assert {p.name for p in command.params} - MODEL - ALL_HAVE == set(options) - ALL_HAVE
+    group, _, kind = name.partition(" ")
+    command = command_of(group).commands[kind] if kind else command_of(group)
+    assert {p.name for p in command.params} - (MODEL - set(options)) - ALL_HAVE == set(options) - ALL_HAVE
     typed = {p.name: p for p in command.params}
     for field, how in options.items():
         assert typed[field].help == how.help
         if not how.is_argument:
             assert spelled(field, how) in typed[field].opts
-    function = inspect.signature(getattr(sa, name)).parameters
-    assert list(function) == ["arm", *options]
-    page = command_pages.page(name, command, typer.Context(typer.main.get_command(app), info_name="stiffarm"))
+    function = getattr(sa, name.replace(" ", "_"))
+    assert [p for p in inspect.signature(function).parameters if p != "arm"] == list(options)
+    context = typer.Context(typer.main.get_command(app), info_name="stiffarm")
+    if kind:
+        context = typer.Context(command_of(group), info_name=group, parent=context)
+    page = command_pages.page(name, command, context)
     for field, how in options.items():
         word = how.metavar if how.is_argument else f"{{option}} {spelled(field, how)}"
         assert word is not None
         assert word in page, field
-    assert all(f"\n{field} : " in (getattr(sa, name).__doc__ or "") for field in options)
+    assert all(f"\n{field} : " in (function.__doc__ or "") for field in options)
 
 
 def test_run_json_holds_the_request_as_python_would_write_it(cli: Command, tmp_path: Path) -> None:

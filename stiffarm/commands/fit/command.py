@@ -2,187 +2,193 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, get_args
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
-import typer
 
-from robots import InputError
-from stiffarm.session import parsing
+from fem.arm import Arm
+from robots import InputError, Robot, require_one_of
+from robots.constants import DOWN
+from stiffarm.capability import capability
+from stiffarm.commands.fit import learning
+from stiffarm.commands.fit.report import fitted
+from stiffarm.commands.query.command import Surrogate
+from stiffarm.request import DIRECTION, FORCE, NAMES, POSE, Request, in_order, option, seed, word
 from stiffarm.session.caution import uncalibrated
-from stiffarm.session.console import say_notes
-from stiffarm.session.frame import command
-from stiffarm.session.options import (
-    Debug,
-    Json,
-    Links,
-    LoadPathOpt,
-    ModelArg,
-    Seed,
-    Sets,
-)
-from stiffarm.session.parsing import parse_word
-from stiffarm.session.stated import AtLoad
+from stiffarm.session.stated import at_load
 from surrogate import inputs_that_matter
+from surrogate.portable.files import require_formats
+from surrogate.training import BasisChoice
 
 
-def fit(
-    model: ModelArg,
-    out: Annotated[Path, typer.Option("--out", help="Folder for the surrogate; it is created if needed.")],
-    basis: Annotated[
-        str,
-        typer.Option(
-            help="Basis: polynomial, trigonometric, factored, adaptive, or best (the most accurate of these)."
-        ),
-    ] = "best",
-    degree: Annotated[int, typer.Option(help="Total degree of the polynomial basis.", min=1, max=12)] = 6,
-    order: Annotated[int, typer.Option(help="Order of the trigonometric basis in each angle.", min=1, max=4)] = 2,
-    runs: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of model runs to fit to. Default: 4096, or three per term if that is more.",
-            min=1,
-            max=1_000_000,
-        ),
-    ] = None,
-    over: Annotated[
-        str | None,
-        typer.Option(
-            "--inputs",
-            help="Joint coordinates that the surrogate covers, separated by commas, as in q2_deg,q3real_deg. "
-            "Default: all that matter.",
-        ),
-    ] = None,
-    fixed: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Values of the other joint coordinates in deg, as in q5_deg=30. May be repeated. Default: 0."
-        ),
-    ] = None,
-    direction: Annotated[str | None, typer.Option(help="Load direction in base axes. Default: 0,0,-1.")] = None,
-    quantity: Annotated[
-        str,
-        typer.Option(
-            help="Quantity to learn: stiffness (with the 6 x 6 compliance), or an index such as k_fs, weakest "
-            "or isotropy."
-        ),
-    ] = "stiffness",
-    normal: Annotated[
-        str | None,
-        typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes, for an index that needs one."),
-    ] = None,
-    force: Annotated[
-        str | None,
-        typer.Option(
-            "--force", metavar="X,Y,Z", help="Force on the tool in base axes, in N, for an index that needs one."
-        ),
-    ] = None,
-    formats: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            help="Also write the surrogate in these formats, separated by commas: onnx, c, python, javascript.",
-        ),
-    ] = None,
-    matrix: Annotated[
-        bool,
-        typer.Option(
-            "--matrix", help="With --format: write the 6 x 6 compliance instead of the compliance along the load."
-        ),
-    ] = False,
-    at_load: AtLoad = None,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class FitRequest(Request):
     """Fit a surrogate of the stiffness over the joint angles.
 
-    Its errors are measured on model runs that it has not seen. Writes surrogate.json, its errors and a report into
-    --out.
+    Its errors are measured on model runs that it has not seen.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> s = sa.fit(sa.load("xr701"), runs=500, basis="polynomial", degree=3)
+    >>> len(s.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5}).values)
+    1
     """
-    with command(out, as_json=as_json, debug=debug) as frame:
-        from stiffarm.commands.fit import learning, results
-        from stiffarm.commands.fit import portable as portable_files
-        from stiffarm.commands.fit import report as surrogate_report
-        from surrogate import save_surrogate
-        from surrogate.training import BasisChoice
 
-        parse_word(basis, get_args(BasisChoice), "--basis")
-        parse_word(quantity, learning.quantities(), "--quantity")
-        asked = portable_files.parse_formats(formats)
-        if matrix and basis not in ("best", "factored"):
+    basis: BasisChoice = option(
+        "Basis: polynomial, trigonometric, factored, adaptive, or best (the most accurate of these).",
+        word(BasisChoice),
+        default="best",
+    )
+    degree: int = option("Total degree of the polynomial basis.", default=6, least=1, most=12)
+    order: int = option("Order of the trigonometric basis in each angle.", default=2, least=1, most=4)
+    runs: int | None = option(
+        "Number of model runs to fit to. Default: 4096, or three per term if that is more.", least=1, most=1_000_000
+    )
+    inputs: Sequence[str] | None = option(
+        "Joint coordinates that the surrogate covers, separated by commas, as in q2_deg,q3real_deg. Default: all that "
+        "matter.",
+        NAMES,
+    )
+    fixed: Mapping[str, float] | Sequence[Mapping[str, float]] = option(
+        "Values of the other joint coordinates in deg, as in q5_deg=30. May be repeated. Default: 0.",
+        POSE,
+        several=True,
+    )
+    direction: Sequence[float] | None = option("Load direction in base axes. Default: 0,0,-1.", DIRECTION)
+    quantity: str = option(
+        "Quantity to learn: stiffness (with the 6 x 6 compliance), or an index such as k_fs, weakest or isotropy.",
+        default="stiffness",
+    )
+    normal: Sequence[float] | None = option("Surface normal in base axes, for an index that needs one.", DIRECTION)
+    force: Sequence[float] | None = option("Force on the tool in base axes, in N, for an index that needs one.", FORCE)
+    format: Sequence[str] | None = option(
+        "Also write the surrogate in these formats, separated by commas: onnx, c, python, javascript.",
+        NAMES,
+    )
+    matrix: bool = option(
+        "With --format: write the 6 x 6 compliance instead of the compliance along the load.", default=False
+    )
+    at_load: float | None = option(
+        "Load in N at which stiffness is stated, for a model with effects that are not linear in the load, such as "
+        "backlash. Default: of the loads it was calibrated with, the one nearest to the rated load.",
+        metavar="N",
+    )
+    seed: int = seed()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_one_of("--quantity", self.quantity, learning.quantities(), code="A001", remedy="choose one of them")
+        require_formats(self.format or ())
+        self._refuse_conflicts()
+
+    @property
+    def writes_by(self) -> str | None:
+        """A surrogate that is kept nowhere was fitted for nothing."""
+        return "fit"
+
+    @property
+    def along(self) -> tuple[float, float, float]:
+        """Unit vector of the load."""
+        vector = np.asarray(DOWN if self.direction is None else self.direction, dtype=np.float64)
+        x, y, z = (vector / np.linalg.norm(vector)).tolist()
+        return x, y, z
+
+    def _refuse_conflicts(self) -> None:
+        """Refuse options that would do nothing, or fail once the fit is done."""
+        stiffness = self.quantity == learning.STIFFNESS
+        for name in ("normal", "force", "direction"):
+            if getattr(self, name) is not None and stiffness == (name != "direction"):
+                what = "of the stiffness"
+                if not stiffness:
+                    what = f"of {self.quantity}, which has no load direction of its own"
+                raise InputError(
+                    f"--{name} for a surrogate {what}",
+                    code="A002",
+                    value=getattr(self, name),
+                    allowed="nothing",
+                    remedy="leave it out",
+                )
+        refused: list[tuple[bool, str, str, str, str]] = [
+            (
+                self.matrix and self.basis not in ("best", "factored"),
+                "--matrix with --basis",
+                self.basis,
+                "factored, best",
+                "leave one out",
+            ),
+            (
+                self.matrix and not self.format,
+                "--matrix without --format",
+                "none",
+                "onnx, c, python, javascript",
+                "add --format onnx",
+            ),
+            (self.matrix and not stiffness, "--matrix with --quantity", self.quantity, "stiffness", "leave one out"),
+            (
+                self.basis == "factored" and not stiffness,
+                "--basis factored with --quantity",
+                self.quantity,
+                "stiffness",
+                "take adaptive or best",
+            ),
+        ]
+        for wrong, what, value, allowed, remedy in refused:
+            if wrong:
+                raise InputError(what, code="A002", value=value, allowed=allowed, remedy=remedy)
+
+
+def answer(given: Arm, asked: FitRequest) -> Surrogate:
+    """The surrogate, judged on runs that it has not seen."""
+    normal, force = (None if v is None else np.asarray(v) for v in (asked.normal, asked.force))
+    arm = at_load(given, asked.at_load, asked.along if force is None else force)
+    names = inputs_that_matter(arm.model, asked.along)
+    if asked.inputs is not None:
+        for name in asked.inputs:
+            require_one_of("--inputs", name, arm.robot.coordinates, code="A001", remedy="choose from these")
+        names = tuple(asked.inputs)
+    scalar = None
+    if asked.quantity != learning.STIFFNESS:
+        scalar = learning.index_quantity(arm.model, asked.quantity, normal, force)
+    trained = learning.learn(
+        arm.description,
+        arm.model,
+        names,
+        asked.seed,
+        basis=asked.basis,
+        degree=asked.degree,
+        order=asked.order,
+        runs=asked.runs,
+        fixed_deg=_fixed(arm.robot, names, cast("Sequence[Mapping[str, float]]", asked.fixed)),
+        direction=asked.along,
+        scalar=scalar,
+    )
+    remarks = [text for text in (uncalibrated(arm),) if text] + learning.remarks_of(trained)
+    return fitted(arm, trained, remarks, asked.format or (), matrix=asked.matrix)
+
+
+def _fixed(robot: Robot, inputs: tuple[str, ...], given: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Where the coordinates that are no input stand, deg; 0 if not given."""
+    others = tuple(name for name in robot.coordinates if name not in inputs)
+    if given and not others:
+        raise InputError(
+            "--fixed", code="A002", value=str(given), allowed="nothing: every coordinate is one of --inputs"
+        )
+    known = {name: value for one in given for name, value in one.items()}
+    fixed = dict(zip(others, in_order(known, others, "--fixed", "number of degrees").tolist(), strict=True))
+    for name, value in fixed.items():
+        low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
+        if not low <= value <= high:
             raise InputError(
-                "--matrix with --basis", code="A002", value=basis, allowed="factored, best", remedy="leave one out"
+                f"--fixed: {name}" + ("" if name in known else ", which is not given and taken as 0"),
+                code="A005",
+                value=value,
+                allowed=f"{low:g} to {high:g} deg",
+                remedy=f"give --fixed {name}=..., or make it one of --inputs",
             )
-        _refuse_conflicts(quantity, basis, matrix, asked, {"normal": normal, "force": force, "direction": direction})
-        along = parsing.parse_direction(direction or "0,0,-1")
-        vectors = {
-            name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
-            for name, text in (("normal", normal), ("force", force))
-        }
-        given = frame.model(model, links, load_path, sets=sets, shown=True)
-        if note := uncalibrated(given):
-            say_notes([note])
-        given = frame.at_load(given, at_load, vectors["force"] if vectors["force"] is not None else along)
-        names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)
-        others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
-        scalar = None
-        if quantity != learning.STIFFNESS:
-            scalar = learning.index_quantity(given.model, quantity, vectors["normal"], vectors["force"])
-        with frame.folder(seed) as folder:
-            trained = learning.learn(
-                given.description,
-                given.model,
-                names,
-                seed,
-                folder,
-                basis=basis,
-                degree=degree,
-                order=order,
-                runs=runs,
-                fixed_deg=others,
-                direction=along,
-                scalar=scalar,
-            )
-            save_surrogate(trained.best, folder.path("surrogate.json"))
-            content = results.payload(trained)
-            files = ["surrogate.json", *portable_files.write(trained, asked, folder, matrix=matrix)]
-            with folder.timed("report"):
-                title = given.description.title.split(" (")[0]
-                surrogate_report.write_report(trained, files, folder, title=title, model=model)
-            content["files"] = [*files, "report.html"]
-            folder.write_json("surrogate_errors.json", content)
-        frame.answer(content, lambda: results.show(trained))
+    return fixed
 
 
-def _refuse_conflicts(
-    quantity: str, basis: str, matrix: bool, formats: tuple[str, ...], vectors: dict[str, str | None]
-) -> None:
-    """Refuse options that would do nothing, or fail once the fit is done."""
-    stiffness = quantity == "stiffness"
-    for name, text in vectors.items():
-        if text is not None and stiffness == (name != "direction"):
-            what = "of the stiffness" if stiffness else f"of {quantity}, which has no load direction of its own"
-            raise InputError(
-                f"--{name} for a surrogate {what}", code="A002", value=text, allowed="nothing", remedy="leave it out"
-            )
-    if matrix and not formats:
-        raise InputError(
-            "--matrix without --format", code="A002", allowed="onnx, c, python, javascript", remedy="add --format onnx"
-        )
-    if matrix and not stiffness:
-        raise InputError(
-            "--matrix with --quantity", code="A002", value=quantity, allowed="stiffness", remedy="leave one out"
-        )
-    if basis == "factored" and not stiffness:
-        raise InputError(
-            "--basis factored with --quantity",
-            code="A002",
-            value=quantity,
-            allowed="stiffness",
-            remedy="take adaptive or best",
-        )
+fit = capability("fit", FitRequest, answer)

@@ -11,14 +11,14 @@ from doe.certainty.propagation import ParameterUncertainty, parameter_uncertaint
 from fem import ArmModel, compliance
 from machining import INDICES
 from machining.stiffness.indices import evaluate
-from robots import InputError, ModelDescription, content_hash
+from robots import InputError, ModelDescription, Remark, content_hash
 from robots.arrays import Array
 from robots.constants import DOWN
+from robots.quantities import relative
 from robots.robot import middle_pose
-from stiffarm.session.console import progress, say, say_notes
-from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.console import progress, say
 from stiffarm.session.stated import stated_at, stated_words
-from surrogate import Quantity, Task, Trained, save_surrogate, scope_of, task_of, train
+from surrogate import Quantity, Task, Trained, scope_of, task_of, train
 
 STIFFNESS = "stiffness"
 # A held-out RMS error that no stiffness should be trusted with.
@@ -111,8 +111,6 @@ def learn(
     model: ArmModel,
     inputs: tuple[str, ...],
     seed: int,
-    folder: OutputFolder,
-    stem: str = "surrogate",
     label: str = "",
     *,
     fixed_deg: dict[str, float] | None = None,
@@ -120,31 +118,25 @@ def learn(
     scalar: tuple[Quantity, Callable[[Array], Array]] | None = None,
     **options: Any,
 ) -> Trained:
-    """Train a surrogate, say how good it is, and save every basis tried as ``<stem>_<basis>.json``.
-
-    ``options`` are those of :func:`surrogate.train`; ``label`` says which model it is of.
-    """
-    what = f"surrogate of {label}" if label else "surrogate"
+    """Train a surrogate; ``options`` are those of :func:`surrogate.train`; ``label`` says which model it is of."""
     rng = np.random.default_rng(seed)
-    with progress(what) as bar:
+    with progress(f"surrogate of {label}" if label else "surrogate") as bar:
         task = learning_task(description, model, inputs, rng, fixed_deg=fixed_deg, direction=direction, scalar=scalar)
-        trained = train(task, rng, progress=bar, **options)
-    for one in trained.surrogates:
-        save_surrogate(one, folder.path(f"{stem}_{one.basis}.json"))
-    error = trained.best.errors
-    say(
-        f"{what}: {error.basis}, held-out relative error {error.rms_relative:.1e} RMS, {error.max_relative:.1e} worst; "
-        f"{100.0 * error.coverage95:.1f} % inside the 95 % error bars"
-    )
+        return train(task, rng, progress=bar, **options)
+
+
+def remarks_of(trained: Trained) -> list[str]:
+    """What a user of the surrogate must know: that it is poor, what was not fitted, what is held and would matter."""
+    error, out = trained.best.errors, list[str]()
     if error.rms_relative > POOR:
-        own = f"its error is {100.0 * error.rms_relative:.3g} % RMS"
-        say(f"note: a poor surrogate: {own}; try another --basis or more --runs", code="W011")
-    say_notes(f"{name} not fitted: {why}" for name, why in trained.refused.items())
+        own = f"its error is {relative(error.rms_relative)} RMS"
+        out.append(Remark(f"a poor surrogate: {own}; try another --basis or more --runs", code="W011"))
+    out += [f"{name} not fitted: {why}" for name, why in trained.refused.items()]
     for name, change in trained.best.fixed_influence.items():
         if change > _WORTH_A_WORD:
-            say(
-                f"note: {name} is fixed at {trained.best.fixed_deg[name]:g} deg, but would change the "
-                f"{trained.best.quantity.name} by up to {100.0 * change:.3g} %; make it one of --inputs if it moves",
-                code="W012",
+            text = (
+                f"{name} is fixed at {trained.best.fixed_deg[name]:g} deg, but would change the "
+                f"{trained.best.quantity.name} by up to {relative(change)}; make it one of --inputs if it moves"
             )
-    return trained
+            out.append(Remark(text, code="W012"))
+    return out

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,23 +10,22 @@ import numpy as np
 from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from robots.quantities import known_to, ranged, relative, significant
-from stiffarm.commands.fit.words import KNOWN, half_width, size_words
-from stiffarm.commands.query.answers import value_name
+from stiffarm.commands.fit.words import KNOWN, half_width
+from stiffarm.commands.query.answers import value_of
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
-from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained, predict, query
 from surrogate.asking import full_poses
 from surrogate.error_bars import MATTERS
 from surrogate.model import COMPLIANCE
+from surrogate.portable.files import FORMATS
 from surrogate.training import NOTHING
 
 _NAMED = 12
 _FILES = {
-    "surrogate.json": "the chosen surrogate, for query and map",
-    "surrogate.onnx": "as ONNX, for onnxruntime",
-    "surrogate.h": "as a C header without dependencies",
-    "surrogate_snippet.py": "as Python without packages",
-    "surrogate.js": "as JavaScript, for pages and Node",
+    "onnx": "as ONNX, for onnxruntime",
+    "c": "as a C header without dependencies",
+    "python": "as Python without packages",
+    "javascript": "as JavaScript, for pages and Node",
 }
 
 
@@ -60,7 +58,7 @@ def known_by(trained: Trained) -> Known | None:
 def answer_section(trained: Trained, known: Known | None) -> Section:
     """Calibration's part of the error bar, inputs, fixed coordinates, couplings, flags."""
     best = trained.best
-    blocks: list[Block] = [*_calibration(best, known), _inputs(best)]
+    blocks: list[Block] = [*_calibration(best, known)]
     if any(best.periodic):
         names = [n for n, whole in zip(best.inputs, best.periodic, strict=True) if whole]
         blocks.append(Text(f"Whole turns of {', '.join(names)} make no difference and are removed before the fit."))
@@ -108,16 +106,6 @@ def _calibration(best: Surrogate, known: Known | None) -> list[Block]:
     return blocks
 
 
-def _inputs(best: Surrogate) -> Table:
-    rows = tuple(
-        (name.removesuffix("_deg"), f"{low:g}", f"{high:g}", "yes" if whole else "no")
-        for name, low, high, whole in zip(
-            best.inputs, np.degrees(best.lower).round(6), np.degrees(best.upper).round(6), best.periodic, strict=True
-        )
-    )
-    return Table("Inputs", ("coordinate", "from, deg", "to, deg", "whole turns removed"), rows)
-
-
 def _couplings(best: Surrogate) -> list[str]:
     c = best.couplings
     out = []
@@ -163,10 +151,9 @@ def _flags(trained: Trained) -> str:
     return f"{text}, and where it is near a singularity: {relative(near)} of the uniform poses."
 
 
-def usage_section(trained: Trained, files: Sequence[str], model: str, folder: OutputFolder) -> Section:
-    """Commands, an example with its answer, the files with their sizes."""
+def usage_section(trained: Trained, formats: Sequence[str]) -> Section:
+    """Commands, an example with its answer, the files."""
     best = trained.best
-    named = shlex.quote(model)
     pose, answer = _example(trained)
     commands = [
         ("one pose", f"stiffarm query surrogate.json --pose {pose}"),
@@ -178,23 +165,19 @@ def usage_section(trained: Trained, files: Sequence[str], model: str, folder: Ou
         )
         commands.append(("the 6 x 6 compliance", "stiffarm query surrogate.json poses.csv --matrix"))
     if best.quantity.name == COMPLIANCE and np.allclose(best.load_direction, (0.0, 0.0, -1.0), atol=1e-9):
-        commands.append(("a map over the joints", f"stiffarm map joints {named} --surrogate surrogate.json --out map"))
+        commands.append(("a map over the joints", "stiffarm map joints MODEL --surrogate surrogate.json --out map"))
     commands.append(
-        (
-            "for other programs, with this fit's other options",
-            f"stiffarm fit {named} --format onnx,c,python --out other",
-        )
+        ("for other programs, with this fit's other options", "stiffarm fit MODEL --format onnx,c,python --out other")
     )
     blocks: list[Block] = [
         Table("Commands", ("for", "command"), tuple(commands), text_columns=(0, 1), code_columns=(1,))
     ]
     if answer:
         blocks.append(Text(answer))
-    what = {name: _FILES[name] for name in files}
-    what |= {f"surrogate_{s.basis}.json": f"the surrogate with the {s.basis} basis" for s in trained.surrogates}
-    rows = [(name, words, size_words(folder.path(name).stat().st_size)) for name, words in what.items()]
-    rows.append(("surrogate_errors.json", "the figures of this page", ""))
-    blocks.append(Table("Files", ("file", "what it is", "size"), tuple(rows), text_columns=(0, 1)))
+    rows = [("surrogate.json", "the chosen surrogate, for query and map")]
+    rows += [(FORMATS[name], _FILES[name]) for name in formats]
+    rows += [(f"surrogate_{s.basis}.json", f"the surrogate with the {s.basis} basis") for s in trained.surrogates]
+    blocks.append(Table("Files", ("file", "what it is"), tuple(rows), text_columns=(0, 1)))
     return Section("How to ask it", tuple(blocks))
 
 
@@ -209,16 +192,16 @@ def _example(trained: Trained) -> tuple[str, str]:
     found = query(best, np.radians(degrees)[None], extrapolate=True)
     if not found.answered[0] or not np.isfinite(found.relative_error[0]):
         return pose, ""
-    name, factor = value_name(best)
-    unit = " N/mm" if name.endswith("_N_per_mm") else ""
-    what = name.removesuffix("_N_per_mm").replace("_", " ")
-    number, e = factor * float(found.value[0]), float(found.relative_error[0])
+    quantity, e = value_of(best), float(found.relative_error[0])
+    what, number = quantity.name.replace("_", " "), quantity.factor * float(found.value[0])
     if e >= KNOWN:
+        about = f"{significant(number, 1)} {quantity.unit}".rstrip()
         return pose, (
-            f"The first gives about {significant(number, 1)}{unit}, but the model's parameters are known so poorly "
-            f"that the 95 % interval of this {what} is wider than ± half its value: do not rely on it."
+            f"The first gives about {about}, but the model's parameters are known so poorly that the 95 % interval "
+            f"of this {what} is wider than ± half its value: do not rely on it."
         )
     ends = number / (1.0 + e), number / (1.0 - e)
+    unit = f" {quantity.unit}" if quantity.unit else ""
     return (
         pose,
         f"The answer to the first: {what} {known_to(number, *ends)}{unit}, 95 % interval {ranged(*ends)}{unit}.",

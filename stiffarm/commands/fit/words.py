@@ -75,11 +75,6 @@ def doubts(trained: Trained) -> list[str]:
     return out
 
 
-def size_words(size: int) -> str:
-    """Bytes as kB or MB (hard space)."""
-    return f"{size / 1e6:.3g}\u00a0MB" if size >= 1e6 else f"{size / 1e3:.3g}\u00a0kB"
-
-
 def share_words(share: float) -> str:
     """A share of runs in percent, to a tenth (hard space)."""
     return f"{100.0 * share:.1f}\u00a0%"

@@ -4,94 +4,347 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import typer
 from typer.core import TyperGroup
 
 from fem.arm import Arm
-from machining import INDICES
-from machining.stiffness.objective import DISPLACEMENTS
-from robots import InputError
+from robots import InputError, content_hash, require_one_of
+from robots.arrays import Array
 from robots.library.models import bundled_names
-from stiffarm.commands.maps import words
-from stiffarm.commands.maps.files import FORMATS, Files, formats_of
-from stiffarm.commands.maps.request import MERITS, POSES, SHORTS, MapRequest
-from stiffarm.commands.maps.step import make_map
-from stiffarm.session.console import progress, say, say_notes, user_errors
-from stiffarm.session.frame import Frame, command
-from stiffarm.session.inputs import model_hash
-from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
-from stiffarm.session.parsing import parse_frame, parse_names, parse_numbers, parse_vector, parse_word
-from stiffarm.session.stated import AtLoad, stated_table
-from stiffarm.session.task_options import PartOpt, ToolOpt, parse_range
-from surrogate.maps.layouts import PLANES
+from robots.progress import Progress
+from robots.quantities import Quantity, percent, rounded, significant
+from stiffarm.capability import capability
+from stiffarm.commands.maps.files import CSV_UP_TO, DRAWN_UP_TO, write_arrays, write_table
+from stiffarm.commands.maps.index.answer import index_map
+from stiffarm.commands.maps.index.request import IndexMapRequest
+from stiffarm.commands.maps.request import (
+    FORMATS,
+    ArmMapRequest,
+    BoxRequest,
+    CylinderRequest,
+    JointsRequest,
+    MapJob,
+    MapRequest,
+    SliceRequest,
+    SpaceRequest,
+    evaluate,
+)
+from stiffarm.pages.report import KeyFigure
+from stiffarm.result import Result, Table
+from stiffarm.session.caution import cautioned, caveats
+from stiffarm.session.console import progress, say_notes, user_errors
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.softness import require_springs
+from stiffarm.session.stated import stated_table
+from surrogate.maps.blocks import Engine
+from surrogate.maps.cluster import run_on
+from surrogate.maps.data import Layout, MapData, figures
+from surrogate.maps.mesh import map_mesh, write_map
+from surrogate.maps.poses import Extreme, shortfall
+from surrogate.maps.quantities import STIFFNESS_ARRAY
 
-Text = str | None
-_FORM = "FROM:TO:STEP or one number"
+if TYPE_CHECKING:
+    import pandas as pd
 
-Out = Annotated[
-    Path, typer.Option("--out", rich_help_panel=COMMON, help="Folder for the map; it is created if needed.")
-]
-X = Annotated[Text, typer.Option("--x", metavar="MM", help=f"Values along x, in mm: {_FORM}. Default: all in reach.")]
-Y = Annotated[Text, typer.Option("--y", metavar="MM", help=f"Values along y, in mm: {_FORM}. Default: all in reach.")]
-Z = Annotated[Text, typer.Option("--z", metavar="MM", help=f"Values along z, in mm: {_FORM}. Default: all in reach.")]
-Pose = Annotated[
-    str,
-    typer.Option(
-        "--pose",
-        help=f"Which pose to use at a point: {', '.join(POSES)}. The last two look at all orientations and branches.",
-    ),
-]
-BestBy = Annotated[str, typer.Option("--best-by", help=f"Quantity by which --pose chooses: {', '.join(MERITS)}.")]
-ToolAxis = Annotated[
-    Text,
-    typer.Option(
-        "--tool-axis",
-        metavar="X,Y,Z",
-        help="Tool axis from the tip into the holder, in base axes, with --pose fixed or best-gamma. Default: 0,0,1.",
-    ),
-]
-Gamma = Annotated[
-    Text,
-    typer.Option(
-        "--gamma",
-        metavar="FROM:TO:STEP",
-        help="Angles gamma about the tool axis, in deg. Default: 0 with --pose fixed, -180:180:15 with best-gamma.",
-    ),
-]
-Direction = Annotated[
-    Text, typer.Option("--direction", metavar="X,Y,Z", help="Direction of the load in base axes. Default: 0,0,-1.")
-]
-Values = Annotated[
-    Text,
-    typer.Option(
-        "--values", help=f"Quantities to map: {', '.join(SHORTS)}. Default: the usual ones the model can give."
-    ),
-]
-Normal = Annotated[
-    Text,
-    typer.Option(
-        "--normal", metavar="X,Y,Z", help="Surface normal of k_fs and other indices, in base axes. Default: 0,0,1."
-    ),
-]
-Format = Annotated[
-    Text,
-    typer.Option(
-        "--format",
-        help=f"File formats of the map: {', '.join(FORMATS)}. Default: vti of a slice or box, otherwise vtu.",
-    ),
-]
-Html = Annotated[bool, typer.Option("--html", help="Write an interactive page of the map, to turn it and pick points.")]
-Pictures = Annotated[bool, typer.Option(help="Draw PNG pictures.")]
-Dask = Annotated[
-    Text, typer.Option("--dask", metavar="ADDRESS", help="Compute the map on a Dask cluster, as in tcp://host:8786.")
-]
-Work = Annotated[
-    Path | None,
-    typer.Option("--work", help="Folder for finished blocks; an interrupted run resumes from it."),
-]
+    from stiffarm.pages.picture import Picture
+
+# Points at which an extreme pose is sought again with a denser sample.
+CHECKED = 12
+_OVER = {
+    "joints": "map over joint angles",
+    "slice": "map over a plane",
+    "box": "map over a box",
+    "cylinder": "map over a cylinder",
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Map(Result):
+    """A map: a pose at each point, and quantities with units. ``m["stiffness_N_per_mm"]`` is one of them."""
+
+    found: MapData
+
+    @property
+    def data(self) -> MapData:
+        """Points, poses and quantities as arrays."""
+        return self.found
+
+    @property
+    def mesh(self) -> Any:
+        """The map as a data set of pyvista: an image of a slice or a box, else cells between the reached points."""
+        return map_mesh(self.found, "vti" if self.found.layout.kind in ("slice", "box") else "vtu")
+
+    def to_frame(self, table: str | None = None) -> pd.DataFrame:
+        """One row a point: its place in mm, the pose in degrees, the quantities; or another table by its name."""
+        if table is not None:
+            return super().to_frame(table)
+        import pandas as pd
+
+        return pd.DataFrame({name: f.values for name, f in (self.found.places() | dict(self.found.fields)).items()})
+
+    def __getitem__(self, name: str) -> Array:
+        """A quantity (n,) by its name, in the unit that this says; NaN where there is no pose."""
+        require_one_of("quantity", name, self.found.fields, code="B003")
+        return np.asarray(self.found.fields[name].values)
+
+    def __repr__(self) -> str:
+        return f"{self.title}\n{self.answer}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.title}. {self.answer}</p>" + self.tables[0].frame().to_html(index=False, border=0)
+
+    def plot(self, name: str | None = STIFFNESS_ARRAY, file: str | Path | None = None) -> Picture:
+        """One quantity with the robot in it; ``file``: a PNG to write."""
+        from stiffarm.commands.maps.figures.whole import one_figure
+        from stiffarm.pages.picture import Picture
+
+        if name is None or name not in self.found.fields or self.arm is None:
+            return super().plot(name, file)
+        with cautioned(self.warning):
+            return Picture.of(one_figure(self.found, name, self.arm)).kept(file)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write all files into a folder, or the points alone into a .vti (slice, box), .vtu, .vtp or .csv file."""
+        from robots.files.written import written_whole
+
+        path, endings = Path(folder), [f".{name}" for name in (*FORMATS, "csv")]
+        if not path.suffix:
+            return super().save(path)
+        if path.suffix not in endings:
+            raise InputError("map file", code="B004", value=str(path), allowed=f"a name ending in {', '.join(endings)}")
+        if path.suffix != ".csv":
+            write_map(self.found, path)
+            return path
+        with written_whole(path) as draft:
+            write_table(self.found, draft)
+        return path
+
+
+def evaluated(given: Arm, asked: MapRequest, report: Progress | None = None) -> tuple[Engine, MapData]:
+    """A map, its blocks made here or on a cluster, and its engine; ``given``: the arm of :meth:`MapRequest.stated`.
+
+    Raises
+    ------
+    InputError
+        A work folder or a cluster that cannot be used; a package that is missing.
+    """
+    engine = asked.engine(given)
+    store = engine.store() if asked.work is None else engine.store(asked.key(given), asked.work)
+    make = None if asked.dask is None else partial(run_on, asked.dask, evaluate, MapJob.of(asked, given))
+    return engine, engine.computed(asked.metadata(given, engine), report, store, make)
+
+
+def answer(given: Arm, asked: ArmMapRequest) -> Map:
+    """The map with its figures."""
+    require_springs(given, "map")
+    return mapped(asked.stated(given), asked)
+
+
+def mapped(arm: Arm, asked: ArmMapRequest, *, table: bool = True) -> Map:
+    """The map of an arm of :meth:`MapRequest.stated`; ``table``: its files have all points as CSV too.
+
+    Raises
+    ------
+    InputError
+        No point is reached; else as :func:`evaluated`.
+    """
+    with progress("map points") as bar:
+        engine, data = evaluated(arm, asked, bar)
+    n, reached = data.layout.n, int(np.count_nonzero(data.reached))
+    if not reached:
+        raise _out_of_reach(arm, asked, data.layout)
+    facts = statistics(engine, data, asked) | stated_table(arm.model)
+    shown = {name: Quantity(name, f.unit, label=f.label) for name, f in data.fields.items()}
+    numbers = {name: of for name, of in facts["quantities"].items() if "min" in of}
+    first = STIFFNESS_ARRAY if STIFFNESS_ARRAY in numbers else next(iter(numbers), None)
+    words, key = (
+        f"It reaches {reached:,} of {n:,} points.",
+        [KeyFigure(percent(reached / n), "of the points are reached")],
+    )
+    if first is not None:
+        of, quantity = numbers[first], shown[first]
+        median, ends = quantity.text(of["median"], unit=True), quantity.between(of["min"], of["max"])
+        words = f"Its {quantity.label} is {median} at the median point, {ends} over all; {words[0].lower()}{words[1:]}"
+        key.insert(0, KeyFigure(median, f"{quantity.label}, median point", ends))
+    caption = _OVER[asked.kind] + ("" if asked.kind == "joints" else f": {asked.pose_words}")
+    draws = asked.pictures and (asked.kind != "joints" or asked.values is not None or STIFFNESS_ARRAY in data.fields)
+    return Map(
+        name="map",
+        title=f"Stiffness map of the {arm.description.title.split(' (')[0]}",
+        question="where is it stiff?",
+        answer=words,
+        how_sure=_how_sure(facts),
+        what_next="`stiffarm index MODEL --pose ...` shows one pose in all directions, `stiffarm posture` a tool path.",
+        facts=facts,
+        tables=tuple(_tables(numbers, facts["quantities"], caption)),
+        drawings=_drawings(arm, data, asked) if draws and n <= DRAWN_UP_TO else (),
+        key=tuple(key),
+        remarks=tuple(_remarks(arm, data, asked, draws)),
+        arm=arm,
+        found=data,
+        more=partial(_write, arm, data, asked, table),
+    )
+
+
+def _drawings(arm: Arm, data: MapData, asked: ArmMapRequest) -> Any:
+    from stiffarm.commands.maps.figures.whole import drawings
+
+    return drawings(data, arm, every=asked.kind != "joints" or asked.values is not None)
+
+
+def _write(arm: Arm, data: MapData, asked: ArmMapRequest, table: bool, folder: OutputFolder) -> Mapping[str, Any]:
+    stem = "stiffness_map" if asked.kind == "joints" else "map"
+    title = f"Stiffness map of the {arm.description.title.split(' (')[0]}"
+    names = write_arrays(arm, data, folder, asked, stem, title)
+    if table and data.layout.n <= CSV_UP_TO:
+        names.append("map.csv")
+        write_table(data, folder.path("map.csv"))
+    if asked.pictures and data.layout.kind != "slice":
+        from stiffarm.pages.rendering import chosen
+
+        works, message = chosen(None)
+        if not works:
+            say_notes([message])
+    return {"files": names}
+
+
+def _remarks(arm: Arm, data: MapData, asked: ArmMapRequest, draws: bool) -> list[str]:
+    """What the reader must know of the arm, of the search, and of what is left out."""
+    note, n = asked.note(arm.robot), data.layout.n
+    out: list[str] = [text for text in (caveats(arm), note) if text]
+    unsure = 0 if data.sure is None else n - int(np.count_nonzero(data.sure))
+    if note is None and unsure:
+        out.append(f"at {unsure} points the search may have missed a branch of the inverse kinematics")
+    learned = asked.learned if isinstance(asked, JointsRequest) else None
+    if learned is not None and learned.model_hash != content_hash(arm.description):
+        out.append("the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
+    if draws and n > DRAWN_UP_TO:
+        out.append(f"no figures of more than {DRAWN_UP_TO} points; the {asked.formats[0]} file has them all")
+    return out
+
+
+def _how_sure(facts: Mapping[str, Any]) -> str:
+    check = facts.get("search_check", {})
+    if not check.get("points"):
+        return "Static stiffness at each pose; collisions are not checked."
+    worst = significant(check["worst_shortfall_percent"], 2)
+    return f"A finer search at {check['points']} of these points finds poses that are at most {worst} % better."
+
+
+def _tables(numbers: Mapping[str, Any], quantities: Mapping[str, Any], caption: str) -> list[Table]:
+    """Figures of the quantities, and of those that name something the share of each, for people."""
+    labels = [of["label"] + (f", {of['unit']}" if of["unit"] else "") for of in numbers.values()]
+    ends = {"least": "min", "median": "median", "greatest": "max"}
+    columns = {Quantity(name): np.array([of[key] for of in numbers.values()]) for name, key in ends.items()}
+    if any("max_near_singular" in of for of in numbers.values()):
+        caption += " (greatest: without poses near a singularity, where stiffness along one direction has no bound)"
+    shares = [
+        (of["label"], name, share)
+        for of in quantities.values()
+        for name, share in sorted(of.get("share_of_points", {}).items(), key=lambda item: -item[1])
+        if share > 0.0 and name != "no"
+    ]
+    out = [Table("quantities", caption, {"": labels}, columns, is_extract=True)]
+    if shares:
+        names, parts, values = zip(*shares, strict=True)
+        of_points = {Quantity("share_of_points", "%", 100.0, "share of the points", 3): np.array(values)}
+        out.append(Table("shares", "Share of the points", {"": names, "is": parts}, of_points, is_extract=True))
+    return out
+
+
+def statistics(engine: Engine, data: MapData, asked: ArmMapRequest) -> dict[str, Any]:
+    """Figures of a map for its JSON."""
+    n, reached = data.layout.n, int(np.count_nonzero(data.reached))
+    out: dict[str, Any] = {
+        "robot": data.metadata["robot"],
+        "grid": data.layout.kind,
+        "axes": [
+            {"name": a.name, "unit": a.unit, "first": a.values[0], "last": a.values[-1], "count": len(a.values)}
+            for a in data.layout.axes
+        ],
+        "held_mm": dict(data.layout.held),
+        "pose": asked.pose_words,
+        "grid_points": n,
+        "points": reached,
+        "share_reached": rounded(reached / n),
+        "quantities": {},
+    }
+    for name, field in data.fields.items():
+        if field.categories:
+            known = field.values[field.values >= 0.0].astype(np.int64)
+            found = np.bincount(known, minlength=len(field.categories))
+            out["quantities"][name] = {
+                "label": field.label,
+                "share_of_points": {c: rounded(k / reached) for c, k in zip(field.categories, found, strict=True)},
+            }
+            continue
+        of = figures(field.values)
+        if of is None:
+            continue
+        highest = of
+        if field.unit == "N/mm":
+            highest = figures(np.where(data.regular(), field.values, np.nan)) or of
+        out["quantities"][name] = {
+            "label": field.label,
+            "unit": field.unit,
+            "points": of.count,
+            "min": rounded(of.least),
+            "median": rounded(of.median),
+            "max": rounded(highest.greatest),
+            "least_at": _place(data, of.row_of_least),
+            "greatest_at": _place(data, highest.row_of_greatest),
+        }
+        if highest.greatest < of.greatest:
+            out["quantities"][name]["max_near_singular"] = rounded(of.greatest)
+    if isinstance(engine.rule, Extreme) and engine.arm is not None:
+        out["search_check"] = _search_check(engine, engine.rule, data)
+    return out
+
+
+def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any]:
+    """By how much a denser search beats the map's at some of its points."""
+    assert engine.arm is not None  # noqa: S101 - a rule has an arm
+    step, found = max(1, data.layout.n // (64 * CHECKED)), np.zeros(0)
+    rows = step * np.flatnonzero(data.reached[::step])
+    if len(rows):
+        rows = rows[np.linspace(0, len(rows) - 1, min(CHECKED, len(rows))).astype(int)]
+        found = shortfall(rule, engine.arm, data.points[rows], data.q[rows], np.random.default_rng(engine.seed))
+        found = found[np.isfinite(found)]
+    worst = rounded(100.0 * float(found.max())) if len(found) else None
+    return {"points": len(found), "worst_shortfall_percent": worst}
+
+
+def _place(data: MapData, row: int) -> dict[str, Any]:
+    place = {name: rounded(float(f.values[row])) for name, f in data.places().items()}
+    return {"row": row, **place}
+
+
+def _out_of_reach(given: Arm, asked: ArmMapRequest, grid: Layout) -> InputError:
+    if not isinstance(asked, SpaceRequest):
+        return InputError(
+            f"map of {given.robot.name}: no pose of the sweep can be taken", code="S012", remedy="use other --layers"
+        )
+    pose = "" if asked.any_orientation else f" with {asked.pose_words.split(', best')[0]}"
+    return InputError(
+        f"no point of the {grid.kind} can be reached{pose}",
+        code="S012",
+        value=f"{grid.n} points",
+        allowed=f"within the reach of {given.robot.name}, about {asked.reach(given.robot).words}",
+        remedy="move or widen the grid" + (", or let the orientation be free: --pose stiffest" if pose else ""),
+    )
+
+
+def index_answer(given: Arm, asked: IndexMapRequest) -> Result:
+    """The index at every gamma, and the best gamma."""
+    arm = asked.stated(given)
+    with progress("map points") as bar:
+        return index_map(arm, asked, *evaluated(arm, asked, bar))
 
 
 class _Maps(TyperGroup):
@@ -128,450 +381,8 @@ map_command = typer.Typer(
     pretty_exceptions_enable=False,
     help="Map the stiffness over joints or over points in space.",
 )
-
-
-@map_command.command("joints")
-def joints_command(
-    model: ModelArg,
-    out: Out,
-    surrogate_file: Annotated[
-        Path | None,
-        typer.Option("--surrogate", help="Take the stiffness from this surrogate; the model's own is mapped as well."),
-    ] = None,
-    points: Annotated[
-        int, typer.Option(help="Number of values of each coordinate that is swept.", min=2, max=1000)
-    ] = 21,
-    layers: Annotated[
-        Text,
-        typer.Option(
-            "--layers",
-            help="Values of the fourth coordinate, which turns the arm out of its plane, in deg, separated by commas.",
-        ),
-    ] = None,
-    direction: Direction = None,
-    values: Values = None,
-    tool: ToolOpt = None,
-    normal: Normal = None,
-    file_format: Format = None,
-    html: Html = False,
-    pictures: Pictures = True,
-    dask: Dask = None,
-    work: Work = None,
-    at_load: AtLoad = None,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Map the arm over its joint angles: three coordinates swept over their limits, a fourth in layers."""
-    with command(out, as_json=as_json, debug=debug) as frame:
-        own: dict[str, Any] = {"kind": "joints", "points": points, "seed": seed}
-        if layers is not None:
-            own["layers_deg"] = _numbers(layers, "--layers", "-90,0,90")
-        files = _files("joints", values, file_format, html, pictures, dask, work)
-        if surrogate_file is None:
-            asked = MapRequest(**own, **_quantities(direction, values, tool, normal), at_load_N=at_load)
-            _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
-            return
-        refused: dict[str, object] = {"--direction": direction, "--values": values, "--tool": tool, "--normal": normal}
-        refused |= {
-            "--format": file_format,
-            "--dask": dask,
-            "--work": work,
-            "--at-load": at_load,
-            "--html": html or None,
-        }
-        for name in (name for name, value in refused.items() if value is not None):
-            raise InputError(f"{name} cannot be combined with --surrogate", code="A002", remedy="leave one of them out")
-        _say(_surrogate_map(model, frame, surrogate_file, own, files, links, load_path, sets), frame)
-
-
-@map_command.command("slice")
-def slice_command(
-    model: ModelArg,
-    out: Out,
-    plane: Annotated[str, typer.Option("--plane", help=f"Plane of the slice: {', '.join(PLANES)}.")] = "xz",
-    at: Annotated[
-        Text,
-        typer.Option(
-            "--at",
-            metavar="MM",
-            help="Position of the plane along its normal, in mm. Default: 0; for xy half the reachable height.",
-        ),
-    ] = None,
-    x: X = None,
-    y: Y = None,
-    z: Z = None,
-    pose: Pose = "stiffest",
-    best_by: BestBy = "stiffness",
-    tool_axis: ToolAxis = None,
-    gamma: Gamma = None,
-    direction: Direction = None,
-    values: Values = None,
-    tool: ToolOpt = None,
-    normal: Normal = None,
-    file_format: Format = None,
-    html: Html = False,
-    pictures: Pictures = True,
-    dask: Dask = None,
-    work: Work = None,
-    at_load: AtLoad = None,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Map the arm over tool points in a plane of the base frame."""
-    with command(out, as_json=as_json, debug=debug) as frame:
-        files = _files("slice", values, file_format, html, pictures, dask, work)
-        asked = MapRequest(
-            kind="slice",
-            plane=plane,
-            at_mm=None if at is None else _numbers(at, "--at", "600")[0],
-            **_ranges(x=x, y=y, z=z),
-            **_posed(pose, best_by, tool_axis, gamma),
-            **_quantities(direction, values, tool, normal),
-            at_load_N=at_load,
-            seed=seed,
-        )
-        _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
-
-
-@map_command.command("box")
-def box_command(
-    model: ModelArg,
-    out: Out,
-    x: X = None,
-    y: Y = None,
-    z: Z = None,
-    pose: Pose = "stiffest",
-    best_by: BestBy = "stiffness",
-    tool_axis: ToolAxis = None,
-    gamma: Gamma = None,
-    direction: Direction = None,
-    values: Values = None,
-    tool: ToolOpt = None,
-    normal: Normal = None,
-    file_format: Format = None,
-    html: Html = False,
-    pictures: Pictures = True,
-    dask: Dask = None,
-    work: Work = None,
-    at_load: AtLoad = None,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Map the arm over tool points in a box along the base's axes."""
-    with command(out, as_json=as_json, debug=debug) as frame:
-        files = _files("box", values, file_format, html, pictures, dask, work)
-        asked = MapRequest(
-            kind="box",
-            **_ranges(x=x, y=y, z=z),
-            **_posed(pose, best_by, tool_axis, gamma),
-            **_quantities(direction, values, tool, normal),
-            at_load_N=at_load,
-            seed=seed,
-        )
-        _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
-
-
-@map_command.command("cylinder")
-def cylinder_command(
-    model: ModelArg,
-    out: Out,
-    r: Annotated[
-        Text,
-        typer.Option("--r", metavar="MM", help=f"Distances from the z axis, in mm: {_FORM}. Default: all in reach."),
-    ] = None,
-    phi: Annotated[
-        Text, typer.Option("--phi", metavar="DEG", help=f"Angles from x, in deg: {_FORM}. Default: -180:180:15.")
-    ] = None,
-    z: Z = None,
-    pose: Pose = "stiffest",
-    best_by: BestBy = "stiffness",
-    tool_axis: ToolAxis = None,
-    gamma: Gamma = None,
-    direction: Direction = None,
-    values: Values = None,
-    tool: ToolOpt = None,
-    normal: Normal = None,
-    file_format: Format = None,
-    html: Html = False,
-    pictures: Pictures = True,
-    dask: Dask = None,
-    work: Work = None,
-    at_load: AtLoad = None,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Map the arm over tool points in a cylinder about the base's z axis."""
-    with command(out, as_json=as_json, debug=debug) as frame:
-        files = _files("cylinder", values, file_format, html, pictures, dask, work)
-        asked = MapRequest(
-            kind="cylinder",
-            **_ranges(r=r, z=z),
-            phi_deg=None if phi is None else parse_range(phi, "--phi", "deg", "-90:90:15"),
-            **_posed(pose, best_by, tool_axis, gamma),
-            **_quantities(direction, values, tool, normal),
-            at_load_N=at_load,
-            seed=seed,
-        )
-        _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
-
-
-_PART = f"Values along {{0}} of the part, in mm: {_FORM}. One of --x, --y and --z may be one number."
-
-
-@map_command.command("index")
-def index_command(
-    model: ModelArg,
-    out: Out,
-    x: Annotated[str, typer.Option("--x", metavar="MM", help=_PART.format("x"))],
-    y: Annotated[str, typer.Option("--y", metavar="MM", help=_PART.format("y"))],
-    z: Annotated[str, typer.Option("--z", metavar="MM", help=_PART.format("z"))],
-    quantity: Annotated[
-        str, typer.Option("--quantity", help=f"What to map: {', '.join((*INDICES, *DISPLACEMENTS))}.")
-    ] = "k_fs",
-    tool: ToolOpt = None,
-    part: PartOpt = None,
-    normal: Annotated[str, typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes.")] = "0,0,1",
-    tool_axis: Annotated[
-        Text,
-        typer.Option(
-            "--tool-axis",
-            metavar="X,Y,Z",
-            help="Tool axis from the tip into the holder, in base axes. Default: along the normal.",
-        ),
-    ] = None,
-    gamma: Annotated[
-        str,
-        typer.Option(
-            "--gamma",
-            metavar="FROM:TO:STEP",
-            help="Angles gamma about the tool axis, in deg, or one; the two ends of a full turn count once.",
-        ),
-    ] = "-180:180:5",
-    show: Annotated[
-        Text,
-        typer.Option(
-            "--show",
-            metavar="DEG,DEG",
-            help="Angles gamma to draw and to write to the map's file, in deg. Default: five, and the best.",
-        ),
-    ] = None,
-    force: Annotated[
-        Text,
-        typer.Option("--force", metavar="X,Y,Z", help="Force on the tool in base axes, in N, where needed."),
-    ] = None,
-    workpiece: Annotated[
-        Text,
-        typer.Option(
-            "--workpiece",
-            metavar="REGION",
-            help="Where the best gamma is sought, in mm: x=-100:100,y=800:1000, or corners as in "
-            "'-100,800;100,800;0,1000' along the grid's first two axes. The best gamma reaches all of it. "
-            "Default: the whole grid; a point that the best gamma misses counts as zero stiffness.",
-        ),
-    ] = None,
-    aim: Annotated[str, typer.Option("--aim", help="Best gamma by the mean or the worst point: mean, worst.")] = "mean",
-    partly: Annotated[
-        bool,
-        typer.Option(
-            "--partly",
-            help="Also allow a gamma that does not reach all of the workpiece; each point missed counts as zero "
-            "stiffness.",
-        ),
-    ] = False,
-    file_format: Format = None,
-    html: Html = False,
-    pictures: Pictures = True,
-    dask: Dask = None,
-    work: Work = None,
-    at_load: AtLoad = None,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Map an index over a plane or a box of the part at every angle gamma about the tool axis, and find the best."""
-    from stiffarm.commands.maps.index.files import make_index_map
-    from stiffarm.commands.maps.index.request import IndexRequest
-
-    with command(out, as_json=as_json, debug=debug) as frame:
-        # Before the model: shells take a while, and a wrong option need not wait for them.
-        files = Files(
-            formats_of("index", file_format, turned=part is not None),
-            pictures=pictures,
-            html=html,
-            dask=dask,
-            work=work,
-        )
-        asked = IndexRequest(
-            **_ranges(x=x, y=y, z=z),
-            quantity=quantity,
-            tool=None if tool is None else parse_frame(tool, "--tool"),
-            part=None if part is None else parse_frame(part, "--part"),
-            normal=parse_vector(normal, "--normal", _AXES),
-            tool_axis=None if tool_axis is None else parse_vector(tool_axis, "--tool-axis", _AXES),
-            gamma_deg=parse_range(gamma, "--gamma", "deg", "-180:180:5"),
-            show_deg=None if show is None else _numbers(show, "--show", "-30,0,30"),
-            force=None if force is None else parse_vector(force, "--force", "N in base axes"),
-            workpiece=None if workpiece is None else parse_workpiece(workpiece),
-            aim=parse_word(aim, ("mean", "worst"), "--aim"),
-            partly=partly,
-            at_load_N=at_load,
-            seed=seed,
-        )
-        given = frame.model(model, links, load_path, sets=sets, shown=True)
-        given = frame.at_load(given, at_load, asked.along, asked.frame(given.robot)[:3, 3])
-        with frame.folder(seed) as folder, progress("map points") as bar:
-            content = make_index_map(given, asked, folder, files, bar) | stated_table(given.model)
-        _say(content, frame)
-
-
-_AXES = "a direction in base axes"
-
-
-def parse_workpiece(text: str) -> dict[str, tuple[float, float]] | list[tuple[float, float]]:
-    """A region in mm: ``x=-100:100,y=800:1000``, or corners ``-100,800;100,800;0,1000``.
-
-    Raises
-    ------
-    InputError
-        Anything else.
-    """
-    if ";" in text:
-        pairs = [parse_numbers(pair) or () for pair in text.split(";")]
-        if not all(len(pair) == 2 for pair in pairs):
-            raise InputError(
-                "--workpiece", code="A004", value=text, allowed="corners u,v;u,v;u,v in mm", remedy="give three or more"
-            )
-        return [(u, v) for u, v in pairs]
-    out: dict[str, tuple[float, float]] = {}
-    for item in text.split(","):
-        name, _, ends = (part.strip() for part in item.partition("="))
-        numbers = parse_numbers(ends, ":") or ()
-        if name not in ("x", "y", "z") or len(numbers) != 2 or numbers[0] > numbers[1]:
-            raise InputError(
-                "--workpiece",
-                code="A004",
-                value=item,
-                allowed="x=FROM:TO, y=FROM:TO, z=FROM:TO in mm, FROM up to TO",
-                remedy="write it as in x=-100:100,y=800:1000",
-            )
-        out[name] = numbers[0], numbers[1]
-    return out
-
-
-def _numbers(text: str, option: str, example: str) -> tuple[float, ...]:
-    values = parse_numbers(text)
-    if values is None or ("," in text) > ("," in example):
-        raise InputError(
-            option, code="A004", value=text, allowed=f"numbers as in {example}", remedy=f"write {option} {example}"
-        )
-    return values
-
-
-def _ranges(**texts: Text) -> dict[str, Any]:
-    """Ranges (mm) of axes by the request's names."""
-    return {f"{name}_mm": parse_range(text, f"--{name}") for name, text in texts.items() if text is not None}
-
-
-def _posed(pose: str, best_by: str, tool_axis: Text, gamma: Text) -> dict[str, Any]:
-    return {
-        "pose": pose,
-        "best_by": best_by,
-        "tool_axis": None if tool_axis is None else parse_vector(tool_axis, "--tool-axis", _AXES),
-        "gamma_deg": None if gamma is None else parse_range(gamma, "--gamma", "deg", "-180:180:15"),
-    }
-
-
-def _quantities(direction: Text, values: Text, tool: Text, normal: Text) -> dict[str, Any]:
-    out = {
-        "values": parse_names(values, SHORTS, "--values"),
-        "tool": None if tool is None else parse_frame(tool, "--tool"),
-    }
-    given = {"direction": (direction, "--direction"), "normal": (normal, "--normal")}
-    return out | {name: parse_vector(text, option, _AXES) for name, (text, option) in given.items() if text is not None}
-
-
-def _files(
-    kind: str,
-    values: Text,
-    file_format: Text,
-    html: bool,
-    pictures: bool,
-    dask: Text,
-    work: Path | None,
-) -> Files:
-    return Files(formats_of(kind, file_format), values is not None, pictures, html, dask, work)
-
-
-def _say(content: Mapping[str, Any], frame: Frame) -> None:
-    frame.answer(content, lambda: _show(content))
-
-
-def _show(content: Mapping[str, Any]) -> None:
-    if "by_gamma" in content:
-        words.show_index_map(content)
-    elif "quantities" in content:
-        words.show_map(content)
-    say_notes(content["messages"])
-
-
-def _arm_map(
-    model: str,
-    frame: Frame,
-    asked: MapRequest,
-    files: Files,
-    links: Text,
-    load_path: Text,
-    sets: list[str] | None,
-) -> dict[str, Any]:
-    """Quantities of the arm over joints or space, from the model."""
-    from stiffarm.session.softness import require_springs
-
-    given = frame.model(model, links, load_path, sets=sets, shown=True)
-    require_springs(given, "map")
-    return _written(frame, given, asked, files)
-
-
-def _surrogate_map(
-    model: str,
-    frame: Frame,
-    file: Path,
-    own: dict[str, Any],
-    files: Files,
-    links: Text,
-    load_path: Text,
-    sets: list[str] | None,
-) -> dict[str, Any]:
-    """Structural stiffness over the joint coordinates, from a surrogate."""
-    from stiffarm.commands.maps.learned import LearnedRequest, read_surrogate_for_map
-
-    given = frame.model(model, links, load_path, sets=sets, shown=True)
-    learned = read_surrogate_for_map(given, file)
-    if learned.model_hash != model_hash(given):
-        say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
-    frame.reads(surrogate=file)
-    return _written(frame, given, LearnedRequest(**own, learned=learned, direction=learned.load_direction), files)
-
-
-def _written(frame: Frame, given: Arm, asked: MapRequest, files: Files) -> dict[str, Any]:
-    given = frame.at_load(given, asked.at_load_N, asked.along, asked.frame(given.robot)[:3, 3])
-    with frame.folder(asked.seed) as folder, progress("map points") as bar:
-        return make_map(given, asked, folder, files, bar)
+map_joints = capability("map joints", JointsRequest, answer)
+map_slice = capability("map slice", SliceRequest, answer)
+map_box = capability("map box", BoxRequest, answer)
+map_cylinder = capability("map cylinder", CylinderRequest, answer)
+map_index = capability("map index", IndexMapRequest, index_answer)

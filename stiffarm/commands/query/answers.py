@@ -1,75 +1,144 @@
-"""What a surrogate answered, as rows for files and screens, and its error figures as JSON."""
+"""What a surrogate answered at poses: a table with intervals and flags."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.statics.small_displacements import FLAG
-from fem.statics.stated import stiffness_ends
-from robots.arrays import Array
-from robots.quantities import rounded, rounded_all
-from stiffarm.session.console import say, show_table
+from fem.statics.stated import at_load_entry, stiffness_ends
+from robots import Remark
+from robots.arrays import Array, Bools
+from robots.quantities import Quantity, angle, rounded, stiffness
+from stiffarm.result import Result, Table
 from surrogate import QueryResult, Surrogate, compliance_matrix
 from surrogate.model import COMPLIANCE
 
-# Columns of the compliance matrix, upper triangle.
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Rows and columns of the compliance matrix.
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
-# Rows whose flags the screen spells out; files have all.
-_FLAGS_SHOWN = 20
-_ROWS_SHOWN = 50
 
 
-def value_name(surrogate: Surrogate) -> tuple[str, float]:
-    """Name with unit of what a surrogate answers on screens and in files, and the factor from SI to that unit."""
-    if surrogate.quantity.name == COMPLIANCE:
-        return "stiffness_N_per_mm", 1e-3
-    if surrogate.quantity.unit == "N/m":
-        return f"{surrogate.quantity.name}_N_per_mm", 1e-3
-    return surrogate.quantity.name, 1.0
+def value_of(surrogate: Surrogate) -> Quantity:
+    """The quantity that a surrogate answers; in full in files, since a bar may be far below the sixth digit."""
+    name = surrogate.quantity.name
+    if name == COMPLIANCE:
+        found = stiffness("stiffness")
+    else:
+        found = stiffness(name) if surrogate.quantity.unit == "N/m" else Quantity(name)
+    return replace(found, digits=6, stored=17)
 
 
-def query_columns(surrogate: Surrogate, poses_deg: Array, result: QueryResult) -> dict[str, Array]:
-    """Angles, value and its 95 % interval, NaN where not known: what a data frame shows beside the flags."""
-    name, factor = value_name(surrogate)
-    value, bar = factor * result.value, np.where(np.isfinite(result.relative_error), result.relative_error, np.nan)
-    low, high = stiffness_ends(value, bar)
-    high = np.where(np.isfinite(high), high, np.nan)
-    return {**dict(zip(surrogate.inputs, poses_deg.T, strict=True)), name: value, "low95": low, "high95": high}
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Answers(Result):
+    """What a surrogate answered, with 95 % intervals, and flags in words."""
+
+    quantity: Quantity
+
+    @property
+    def values(self) -> Array:
+        """The values (n,), in the unit that their column's name says; NaN where not answered."""
+        return np.asarray(self.quantity.factor * self.tables[0].values[self.quantity])
+
+    def to_frame(self, table: str | None = None) -> pd.DataFrame:
+        """One row a pose: its angles, the value, the ends of its 95 % interval, flags; numbers in full."""
+        if table is not None:
+            return super().to_frame(table)
+        import pandas as pd
+
+        of, q = self.tables[0], self.quantity
+        low, high = (q.factor * end for end in of.intervals[q])
+        ends = {q.column_of("low95"): low, q.column_of("high95"): np.where(np.isfinite(high), high, np.nan)}
+        numbers = {one.column: one.factor * values for one, values in of.values.items()}
+        return pd.DataFrame({"pose": of.labels["pose"], **numbers, **ends, "flags": of.labels["flags"]})
 
 
-def query_rows(
-    surrogate: Surrogate, poses_deg: Array, labels: Sequence[str], result: QueryResult, *, matrix: bool = False
-) -> list[dict[str, Any]]:
-    """Query answers, one row a pose; ``matrix``: with the compliance matrix (SI)."""
-    matrices = None
-    if matrix:
-        # Of answered rows only: far outside it may overflow, which would be refused.
-        matrices = np.full((len(poses_deg), 6, 6), np.nan)
-        matrices[result.answered] = compliance_matrix(surrogate, np.radians(poses_deg)[result.answered])
-    columns: dict[str, Sequence[Any]] = {
-        "pose": labels,
-        # In full: a bar may be far below the sixth digit.
-        **{n: _known(v, v.tolist()) for n, v in query_columns(surrogate, poses_deg, result).items()},
-        "relative_error95": rounded_all(result.relative_error),
-        "relative_error95_surrogate": rounded_all(result.model_error),
-        "relative_error95_calibration": rounded_all(result.parameter_error),
-        "max_relative_error_seen": [rounded(surrogate.errors.max_relative)] * len(poses_deg),
+def answered(
+    surrogate: Surrogate,
+    poses_deg: Array,
+    labels: Sequence[str],
+    result: QueryResult,
+    *,
+    direction: Array | None = None,
+    matrix: bool = False,
+    remarks: Sequence[str] = (),
+) -> Answers:
+    """Answers at poses (n, k); ``matrix``: with the compliance matrix (SI)."""
+    quantity, q = value_of(surrogate), np.radians(poses_deg)
+    low, high = stiffness_ends(result.value, result.relative_error)
+    unknown = ~np.isfinite(result.relative_error)
+    low, high = np.where(unknown, np.nan, low), np.where(unknown, np.nan, high)
+    words = flag_words(result).tolist()
+    lower_bound = np.zeros(len(words), dtype=np.bool_)
+    lower_bound[[*result.open]] = True
+    n, missing = len(words), int(np.count_nonzero(~result.answered))
+    flags: dict[str, Sequence[Any]] = {
         "inside_domain": result.inside_domain.tolist(),
         "reachable": result.reachable.tolist(),
-        "error_is_lower_bound": [i in result.open for i in range(len(poses_deg))],
+        "error_is_lower_bound": lower_bound.tolist(),
         "near_singular": _known(result.singularity, result.near_singular.tolist()),
         FLAG: result.beyond_small.tolist(),
-        "flags": flag_words(result).tolist(),
     }
-    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    if matrices is not None:
-        for row, C, answered in zip(rows, matrices, result.answered.tolist(), strict=True):
-            row.update(_entries(C, answered))
-    return rows
+    errors = {
+        Quantity("relative_error95"): result.relative_error,
+        Quantity("relative_error95_surrogate"): result.model_error,
+        Quantity("relative_error95_calibration"): result.parameter_error,
+    }
+    if matrix:
+        errors |= _entries(surrogate, q, result.answered)
+    values = dict(zip(map(angle, surrogate.inputs), q.T, strict=True)) | {quantity: result.value}
+    unanswered = f"{missing} of {n} poses lie outside the fitted range and have no value: see flags"
+    along = None
+    if surrogate.quantity.name == COMPLIANCE:
+        along = list(surrogate.load_direction) if direction is None else direction.tolist()
+    known = surrogate.parameters is not None
+    return Answers(
+        name="query",
+        title=f"{quantity.name.replace('_', ' ').capitalize()} of {surrogate.robot} by its surrogate",
+        question="how stiff is it at these poses?",
+        answer=_answer(quantity, result.value, low, high),
+        how_sure=f"95 % intervals hold the surrogate's own error{' and the uncertainty of the calibration' * known}.",
+        what_next="" if known else "Calibrate the model before you rely on these numbers: `stiffarm calibrate`.",
+        facts={
+            "robot": surrogate.robot,
+            "quantity": surrogate.quantity.name,
+            "quantity_in_words": surrogate.quantity.label,
+            "load_direction": along,
+            "fixed_deg": dict(surrogate.fixed_deg),
+            "errors": surrogate_errors(surrogate),
+            **at_load_entry(surrogate.at_load),
+        },
+        tables=(
+            Table(
+                "answers",
+                f"{quantity.heading} of {surrogate.robot}",
+                {"pose": labels, "flags": words},
+                values,
+                {quantity: (low, high)},
+                errors,
+                flags,
+            ),
+        ),
+        # The first note says how the links were modelled; the others, what a stiffness has in it and what not.
+        remarks=(*remarks, *surrogate.notes[1:], *([Remark(unanswered, code="W014")] if missing else [])),
+        found=result,
+        quantity=quantity,
+    )
+
+
+def _answer(quantity: Quantity, value: Array, low: Array, high: Array) -> str:
+    what, some = quantity.name.replace("_", " ").capitalize(), value[np.isfinite(value)]
+    if len(value) == 1 and len(some):
+        ends = f" ({quantity.between(low[0], high[0])}, 95 %)" if np.isfinite(low[0]) else ""
+        return f"{what} {quantity.text(value[0], unit=True)}{ends}."
+    ends = f": {quantity.between(some.min(), some.max())}" if len(some) else ""
+    return f"{what} at {len(some)} of {len(value)} poses{ends}."
 
 
 def _known(at: Array, values: list[Any]) -> list[Any]:
@@ -112,6 +181,17 @@ def flags(result: QueryResult, i: int) -> str:
 def surrogate_errors(surrogate: Surrogate) -> dict[str, Any]:
     """Held-out error figures."""
     e = surrogate.errors
+    figures = {
+        "rms_relative_error": e.rms_relative,
+        "p95_relative_error": e.p95_relative,
+        "max_relative_error": e.max_relative,
+        "interior_rms_relative_error": e.rms_interior,
+        "interior_max_relative_error": e.max_interior,
+        "coverage_of_95_percent_bars": e.coverage95,
+        "condition_number": e.condition_number,
+        "matrix_rms_relative_error": e.matrix_rms,
+        "matrix_max_relative_error": e.matrix_max,
+    }
     return {
         "basis": e.basis,
         "degree_or_order": e.degree,
@@ -120,48 +200,12 @@ def surrogate_errors(surrogate: Surrogate) -> dict[str, Any]:
         "quantity": surrogate.quantity.name,
         "runs_fitted": e.n_train,
         "runs_held_out": e.n_test,
-        "rms_relative_error": rounded(e.rms_relative),
-        "p95_relative_error": rounded(e.p95_relative),
-        "max_relative_error": rounded(e.max_relative),
-        "interior_rms_relative_error": rounded(e.rms_interior),
-        "interior_max_relative_error": rounded(e.max_interior),
-        "coverage_of_95_percent_bars": rounded(e.coverage95),
-        "condition_number": rounded(e.condition_number),
-        "matrix_rms_relative_error": None if e.matrix_rms is None else rounded(e.matrix_rms),
-        "matrix_max_relative_error": None if e.matrix_max is None else rounded(e.matrix_max),
+        **{name: None if value is None else rounded(value) for name, value in figures.items()},
     }
 
 
-def show_answers(surrogate: Surrogate, rows: Sequence[dict[str, Any]]) -> None:
-    """The rows as a table on the screen, and below it what is to be known of some."""
-    name, _ = value_name(surrogate)
-    unit = "N/mm" if name.endswith("N_per_mm") else ""
-    what = "Structural stiffness" if name.startswith("stiffness") else surrogate.quantity.name
-    show_table(
-        f"{what} of {surrogate.robot}" + (f", {unit}" if unit else ""),
-        ["pose", *(n.removesuffix("_deg") for n in surrogate.inputs), unit or "value", "95 % +-", "flags"],
-        [
-            [
-                r["pose"],
-                *(f"{r[n]:g}" for n in surrogate.inputs),
-                "-" if r[name] is None else f"{r[name]:.6g}",
-                "-" if r["relative_error95"] is None else f"{100.0 * r['relative_error95']:.2g} %",
-                "see below" if r["flags"] else "",
-            ]
-            for r in rows[:_ROWS_SHOWN]
-        ],
-    )
-    if len(rows) > _ROWS_SHOWN:
-        say(f"(the first {_ROWS_SHOWN} of {len(rows)} rows; --out DIR or --json has all)")
-    for r in rows[:_FLAGS_SHOWN]:
-        if r["flags"]:
-            say(f"pose {r['pose']}: {r['flags']}")
-
-
-def _entries(C: Any, answered: bool) -> dict[str, float | None]:
-    return {
-        f"c_{a}_{b}": rounded(float(C[i, j])) if answered else None
-        for i, a in enumerate(_AXES)
-        for j, b in enumerate(_AXES)
-        if j >= i
-    }
+def _entries(surrogate: Surrogate, q: Array, rows: Bools) -> dict[Quantity, Array]:
+    """Upper triangle of the compliance matrix; of answered rows only, since far outside it may overflow."""
+    C = np.full((len(q), 6, 6), np.nan)
+    C[rows] = compliance_matrix(surrogate, q[rows])
+    return {Quantity(f"c_{a}_{b}"): C[:, i, j] for i, a in enumerate(_AXES) for j, b in enumerate(_AXES) if j >= i}

@@ -20,10 +20,10 @@ from robots.quantities import length, rounded
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
-from stiffarm.commands.fit.results import payload as trained_payload
-from stiffarm.commands.maps.files import Files
-from stiffarm.commands.maps.request import MapRequest
-from stiffarm.commands.maps.step import make_map
+from stiffarm.commands.fit.report import payload as trained_payload
+from stiffarm.commands.maps.command import mapped
+from stiffarm.commands.maps.request import JointsRequest
+from stiffarm.commands.query.command import errors_words
 from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run import held_out, link_models, missing, payload, proof
 from stiffarm.commands.run.findings import Findings, Recommended, slug
@@ -33,7 +33,7 @@ from stiffarm.commands.sensitivity import factorial
 from stiffarm.request import readings_asked
 from stiffarm.result import Result, Table
 from stiffarm.session import inputs, readings, steps
-from stiffarm.session.console import progress, say, say_notes
+from stiffarm.session.console import say, say_notes
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.stated import at_load
 from stiffarm.session.steps import FactorialRuns
@@ -66,12 +66,12 @@ def run_all(given: Arm, asked: RunRequest, folder: OutputFolder) -> Result:
         say_notes([findings.rigid_warning])
     with folder.timed("surrogates"):
         findings = _learned(findings, folder)
-    with folder.timed("map"), progress("stiffness map") as bar:
+    with folder.timed("map"):
         arm = replace(given, description=findings.best.description, model=findings.best.model)
-        wanted = MapRequest(kind="joints", points=asked.points, seed=asked.seed)
-        drawn = make_map(arm, wanted, folder, Files(html=True, table=False), bar)
+        drawn = mapped(arm, JointsRequest(points=asked.points, html=True, seed=asked.seed), table=False)
+        map_facts, map_pictures = drawn.write_files(folder)
     stiffness = workspace_stiffness(arm.description, arm.model)
-    say_notes(drawn["messages"])
+    say_notes(drawn.remarks)
     told = None
     if asked.rehearse:
         with folder.timed("rehearsal"):
@@ -85,7 +85,7 @@ def run_all(given: Arm, asked: RunRequest, folder: OutputFolder) -> Result:
     save_surrogate(findings.surrogate, folder.path("surrogate.json"))
     with folder.timed("report"):
         say("report")
-        lede, answer = write_report(findings, drawn, told, stiffness, folder)
+        lede, answer = write_report(findings, map_facts, map_pictures, told, stiffness, folder)
     result = Result(
         name="run",
         title=findings.title,
@@ -93,7 +93,7 @@ def run_all(given: Arm, asked: RunRequest, folder: OutputFolder) -> Result:
         answer=lede,
         how_sure=answer.sure,
         what_next=answer.todo,
-        facts=_facts(findings, drawn, told, stiffness),
+        facts=_facts(findings, map_facts, told, stiffness),
         tables=(_models(findings),),
         arm=replace(given, description=findings.best.description, model=findings.best.model),
         found=findings,
@@ -208,8 +208,11 @@ def _learned(f: Findings, folder: OutputFolder) -> Findings:
     plan = asked or usual_factorial(f.given, f.data, [model for _, model in models.values()])
     for name, (description, model) in models.items():
         factorial[name] = steps.factorial_runs(model, plan, whole=asked is not None)
-        stem = f"surrogates/{slug(name)}"
-        trained[name] = learning.learn(description, model, plan.inputs, f.seed, folder, stem, name, degree=degree)
+        trained[name] = learning.learn(description, model, plan.inputs, f.seed, name, degree=degree)
+        for one in trained[name].surrogates:
+            save_surrogate(one, folder.path(f"surrogates/{slug(name)}_{one.basis}.json"))
+        say(f"surrogate of {name}: {errors_words(trained[name].best)}")
+        say_notes(learning.remarks_of(trained[name]))
     check = _measured_pose_check(trained[f.best.name].best, f.best.model, f.used)
     return replace(f, factorial=factorial, trained=trained, pose_check=check)
 

@@ -121,16 +121,16 @@ def test_a_surrogate_answers_frames_and_refuses_other_names(calibration: sa.Cali
     one = s.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5})
     several = s.query(q_deg=pd.DataFrame({"q2_deg": [5.0, 6.0], "q3real_deg": [77.5, 77.5]}))
     assert one.values[0] == several.values[0]
-    with pytest.raises(sa.InputError, match="q_deg: name"):
+    with pytest.raises(sa.InputError, match="pose: name"):
         s.query(q_deg={"q9_deg": 5})
-    with pytest.raises(sa.InputError, match="q_deg: name"):
+    with pytest.raises(sa.InputError, match="poses: name"):
         s.query(pd.DataFrame({"q2_deg": [5.0], "q9_deg": [5.0]}))
-    with pytest.raises(sa.InputError, match="q_deg: q2_deg"):
+    with pytest.raises(sa.InputError, match="poses: q2_deg"):
         s.query(pd.DataFrame({"q2_deg": [5.0, np.nan]}))
     rows = s.query([{"q2_deg": 5, "q3real_deg": 77.5}, {"q2_deg": 500}]).to_frame()
     frames = s.query(pd.DataFrame({"q3real_deg": [77.5, 0.0], "q2_deg": [5.0, 500.0]})).to_frame()
     pd.testing.assert_frame_equal(rows, frames)
-    assert np.isnan(rows["low95"][1])
+    assert np.isnan(rows["stiffness_low95_N_per_mm"][1])
     assert rows["flags"][1].startswith("not answered: q2_deg = 500 deg")
     again = sa.load_surrogate(s.save(tmp_path / "surrogate.json"))
     assert again.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5}).values[0] == one.values[0]
@@ -217,10 +217,11 @@ def test_indices_are_found_by_name() -> None:
 @pytest.mark.slow
 def test_a_map_is_saved_drawn_and_framed(tmp_path: Path) -> None:
     m = sa.map_slice(sa.load("kr60-3", links="rigid"), step_mm=500, pose="best-gamma")
-    assert m.points().shape[0] == m.data.layout.n == len(m["stiffness_N_per_mm"])
+    assert m.to_frame().shape[0] == m.data.layout.n == len(m["stiffness_N_per_mm"])
     for ending in ("vti", "csv"):
         assert m.save(tmp_path / f"map.{ending}").stat().st_size > 0
-    assert m.plot(tmp_path / "map.png").png.startswith(b"\x89PNG")
+    assert m.plot(file=tmp_path / "map.png").png.startswith(b"\x89PNG")
+    assert m.mesh.point_data["stiffness_N_per_mm"].shape == (m.data.layout.n,)
     with pytest.raises(sa.InputError, match=r"\.vti"):
         m.save(tmp_path / "map.stl")
 

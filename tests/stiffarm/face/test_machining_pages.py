@@ -152,14 +152,14 @@ def test_the_documented_map_and_its_best_gamma(tmp_path: Path) -> None:
         "rigid",
     )
     made = asked("map", "index", "kr60-3", "--quantity", "k_fs", *options, "--no-pictures", "--out", tmp_path / "map")
-    best, means = made["best_gamma"], sorted(one["reached"]["mean"] for one in made["by_gamma"])
+    best, means = made["best_gamma"], sorted(one["reached_mean_k_fs_N_per_mm"] for one in made["gamma_statistics"])
     assert made["points"] == 525
     assert best["points_reached"] >= 0.99 * made["points"]
     whole = made["trade_off"][0]
     assert whole["points_reached"] == made["points"]
     # Among the lowest quarter of all angles' means, where the chosen one is above the middle.
-    assert whole["value"] < means[len(means) // 4]
-    assert best["value"] > 1.2 * whole["value"]
+    assert whole["value_N_per_mm"] < means[len(means) // 4]
+    assert best["value"] > 1.2 * whole["value_N_per_mm"]
     # 95 deg either way misses two points.
-    (side,) = [one for one in made["by_gamma"] if one["gamma_deg"] == 95.0]
+    (side,) = [one for one in made["gamma_statistics"] if one["gamma_deg"] == 95.0]
     assert round(made["points"] * (1.0 - side["share_reached"])) == 2

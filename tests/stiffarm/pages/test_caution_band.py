@@ -97,7 +97,7 @@ def test_every_picture_and_page_of_a_map_warns(cli: Command, tmp_path: Path) -> 
     with pictures_saved() as texts:
         outcome = cli("map", "slice", "xr701", *SLICE, "--html", "--out", "out", "--json")
     assert outcome.code == 0, outcome.err
-    warning = outcome.json["warning"]
+    (warning,) = outcome.json["remarks"]
     assert warning == uncalibrated(Arm.of(load_description("xr701")))
     pngs = sorted((tmp_path / "out").glob("*.png"))
     assert pngs

@@ -421,13 +421,6 @@ nan9 = np.full(9, NAN)
         (lambda: bars_figure("", {"x": {"a": 1.0, "b": 0.0}}, "RMS error (mm)", log=True), "above 0"),
         (lambda: intervals_figure({}), "no estimates"),
         (lambda: laws_figure([]), "no laws"),
-        (lambda: figures_surrogate.main_effects_figure({}), "no effects"),
-        (lambda: figures_surrogate.surrogate_quality_figure([]), "no surrogates"),
-        (lambda: figures_surrogate.surrogate_quality_figure([HeldOut("x", np.ones(2), np.ones(3))]), "one length"),
-        (
-            lambda: figures_surrogate.surrogate_quality_figure([HeldOut("x", np.ones(2), np.array([1.0, -1.0]))]),
-            "above 0",
-        ),
     ],
 )
 def test_bad_input_is_refused(make: Callable[[], Figure], names: str) -> None:

@@ -453,7 +453,7 @@ def test_an_output_folder_that_cannot_be_is_named_before_any_work(
     work = (
         *("commands.run.missing.looks", "commands.sensitivity.factorial.sensitivity_study"),
         *("commands.simulate.readings.simulate", "commands.fit.learning.learn"),
-        *("commands.maps.command.make_map", "commands.calibrate.step.run_campaign"),
+        *("commands.maps.command.mapped", "commands.calibrate.step.run_campaign"),
     )
     for name in work:
         monkeypatch.setattr(f"stiffarm.{name}", lambda *_, **__: pytest.fail("work was done for nothing"))

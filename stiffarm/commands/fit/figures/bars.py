@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from scipy.stats import binned_statistic
 
-from robots import InputError
 from robots.arrays import Array
 from robots.constants import NORMAL_95
 from stiffarm.commands.fit.figures.effects import exceedance, percent_label, series_look
@@ -74,14 +73,7 @@ def chance(runs: int) -> float:
 
 
 def error_bars_figure(rows: Sequence[JudgedBars]) -> Figure:
-    """Draw the error over its bar as a distribution, and the share inside from narrow bars to wide ones.
-
-    Raises
-    ------
-    InputError
-        No rows, or arrays that do not fit.
-    """
-    _check(rows)
+    """Draw the error over its bar as a distribution, and the share inside from narrow bars to wide ones."""
     heading = "Do the error bars hold? Runs that neither the fit nor the bars have seen"
     with drawing(heading, (10.0, 4.6), 1, 2) as (figure, (left, right)):
         _ratios(left, rows)
@@ -129,18 +121,7 @@ def _shares(ax: Axes, rows: Sequence[JudgedBars]) -> None:
 
 
 def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], Q_deg: Array) -> Figure:
-    """Draw median and 95th percentile of the relative error against each input; Q_deg (n, k).
-
-    Raises
-    ------
-    InputError
-        No rows, or arrays that do not fit.
-    """
-    _check(rows)
-    if Q_deg.shape != (len(rows[0].error), len(inputs)) or not inputs:
-        raise InputError(
-            "errors over the inputs", code="B002", value=f"shape {Q_deg.shape}", allowed="(n, k), a row for each error"
-        )
+    """Draw median and 95th percentile of the relative error against each input; Q_deg (n, k)."""
     columns = 3 if len(inputs) in (3, 5, 6) else 2
     with panels("Where the error is large", len(inputs), columns, 10.0, 2.7, 1.0, sharey=True) as (figure, axes):
         for j, (ax, name) in enumerate(zip(axes, inputs, strict=True)):
@@ -172,15 +153,3 @@ def gathered(x: Array, error: Array) -> tuple[Array, Array, Array]:
     kept = count >= _FEWEST
     middle = 0.5 * (edges[:-1] + edges[1:])[kept]
     return middle, np.maximum(median[kept], _SMALLEST), np.maximum(most[kept], _SMALLEST)
-
-
-def _check(rows: Sequence[JudgedBars]) -> None:
-    if not rows:
-        raise InputError("figure of error bars: no surrogates to draw", code="B002")
-    lengths = {np.shape(values) for row in rows for values in (row.error, row.half_width)}
-    if len(lengths) != 1 or len(next(iter(lengths))) != 1 or next(iter(lengths)) == (0,):
-        raise InputError(
-            "figure of error bars", code="B002", allowed="errors and half-widths (n,) of one length, at least one run"
-        )
-    if not all(np.isfinite(row.error).all() and np.isfinite(row.half_width).all() for row in rows):
-        raise InputError("figure of error bars", code="B002", allowed="finite errors and half-widths")

@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from robots import InputError
 from robots.arrays import Array
 from stiffarm.pages.figure_parts import LINES, SERIES, above, angle_label, drawing, log_ticks, note
 from stiffarm.pages.style import FAINT, OKABE_ITO
@@ -49,14 +48,7 @@ def main_effects_figure(effects: Mapping[str, MainEffect | tuple[Array, Array, A
     """Draw smallest, mean and largest normalised stiffness against the levels of each angle (deg).
 
     ``effects``: from :func:`surrogate.main_effects.main_effects`.
-
-    Raises
-    ------
-    InputError
-        No effects.
     """
-    if not effects:
-        raise InputError("main effects figure: no effects to draw", code="B002")
     looks = (("min", 1, "blue", "v"), ("mean", 2, "green", "o"), ("max", 3, "vermillion", "^"))
     heading = "Main effects of the joint angles on the stiffness"
     with drawing(heading, (10.0, 4.2), 1, len(effects), sharey=True) as (figure, axes):
@@ -92,20 +84,7 @@ def surrogate_quality_figure(
     ``what``, ``error_of``: another quantity with its unit, and what the errors are of. The panel of errors tells
     which share of the runs has a larger relative error than x (both axes log), with marks at the RMS, at 95 % of the
     runs, and at the largest error.
-
-    Raises
-    ------
-    InputError
-        No rows, arrays that do not fit, or a stiffness that is not positive and finite.
     """
-    if not rows:
-        raise InputError("surrogate figure: no surrogates to draw", code="B002")
-    for row in rows:
-        if np.shape(row.true_N_per_mm) != np.shape(row.predicted_N_per_mm) or np.ndim(row.true_N_per_mm) != 1:
-            raise InputError(f"surrogate figure: {row.name}", code="B002", allowed="two arrays (n,) of one length")
-        both = np.concatenate([row.true_N_per_mm, row.predicted_N_per_mm])
-        if not both.size or not (np.isfinite(both).all() and (both > 0.0).all()):
-            raise InputError(f"surrogate figure: {row.name}: stiffness", code="B002", allowed="finite, above 0 N/mm")
     every = np.concatenate([np.concatenate([r.true_N_per_mm, r.predicted_N_per_mm]) for r in rows])
     ends = (0.93 * float(every.min()), 1.07 * float(every.max()))
     cols = 2 if len(rows) in (2, 4) else min(3, len(rows))

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from fem.arm import Arm
-from robots import require_one_of
+from robots import ModelDescription, Robot, require_one_of
 from stiffarm.commands.maps.figures.effects import swept_effects_figure
 from stiffarm.commands.maps.figures.slices import slice_figure, unlike
 from stiffarm.commands.maps.figures.space import cloud_figure, iso_figure
-from stiffarm.commands.maps.looks import Look, look_of
+from stiffarm.commands.maps.looks import Look, kind_of, look_of
 from stiffarm.commands.maps.planes import planes_of
-from stiffarm.pages import style
 from stiffarm.pages.rendering import VIEWS, chosen
-from stiffarm.session.outputs import OutputFolder
+from stiffarm.result import Drawing
 from surrogate.maps.data import MapData
 from surrogate.maps.quantities import STIFFNESS_ARRAY
 
+Draw = Callable[[MapData, str, Arm], Figure]
+_CAPTIONS = {
+    "": "{}: one plane, or several of a box or a cylinder.",
+    "_surfaces": "{}: where it has the same value, cut open towards the viewer.",
+    "_oblique": "{} at the tool positions of the sweep; points on the viewer's side of the robot's plane are left out.",
+    "_side": "{}, seen along y.",
+    "_effects": "{}: least, mean and largest at each value of a swept coordinate.",
+}
 # Fields that are for programs, or say the same as another: no picture of each.
 NOT_DRAWN = (
     "worst_direction_x",
@@ -31,18 +39,12 @@ NOT_DRAWN = (
 )
 
 
-def draw_map_figures(
-    data: MapData, arm: Arm, folder: OutputFolder, notes: list[str], *, every: bool = True
-) -> list[str]:
-    """Write the figures of a map; returns the names of the files.
+def drawings(data: MapData, arm: Arm, *, every: bool = True) -> tuple[Drawing, ...]:
+    """The pictures of a map, drawn when they are asked for.
 
     Slices, boxes and cylinders: ``map_<quantity>``. Boxes and cylinders also ``map_<quantity>_surfaces``, in space.
     Joint sweeps: ``map_<quantity>_oblique``, ``_side`` and ``_effects``; those of the stiffness ``stiffness_map_...``.
-
-    Parameters
-    ----------
-    notes : gets one message where pictures in space were drawn without OpenGL
-    every : of all fields that have a value and are for people; else the stiffness from both viewpoints
+    ``every``: of all fields that have a value and are for people; else the stiffness from both viewpoints.
 
     Raises
     ------
@@ -50,15 +52,16 @@ def draw_map_figures(
         No point of the map is reached.
     """
     data.require_reached("move the grid to where the robot reaches")
-    files: list[str] = []
-    works, message = (True, "") if data.layout.kind == "slice" else chosen(None)
-    for name in _for_people(data) if every else [STIFFNESS_ARRAY]:
-        stem = "stiffness_map" if _is_sweep(data, name) else f"map_{name}"
-        for suffix, figure in _figures(data, name, arm, works, effects=every):
-            files += save_figure(figure, folder, f"{stem}{suffix}")
-    if not works and message not in notes:
-        notes.append(message)
-    return files
+    return tuple(
+        Drawing(
+            ("stiffness_map" if _is_sweep(data, name) else f"map_{name}") + suffix,
+            _CAPTIONS[suffix].format(data.fields[name].label),
+            f"map of {data.fields[name].label}",
+            partial(draw, data, name, arm),
+        )
+        for name in (_for_people(data) if every else [STIFFNESS_ARRAY])
+        for suffix, draw in _figures(data, name, effects=every)
+    )
 
 
 def _for_people(data: MapData) -> list[str]:
@@ -71,8 +74,7 @@ def _for_people(data: MapData) -> list[str]:
 def one_figure(data: MapData, name: str, arm: Arm) -> Figure:
     """The figure of one quantity: the slice, the planes of a box or a cylinder, a joint sweep from oblique."""
     require_one_of("quantity of the map", name, data.fields, code="B002")
-    works = data.layout.kind == "slice" or chosen(None)[0]
-    return next(_figures(data, name, arm, works))[1]
+    return next(_figures(data, name))[1](data, name, arm)
 
 
 def _is_sweep(data: MapData, name: str) -> bool:
@@ -89,23 +91,38 @@ def _words(data: MapData, look: Look, arm: Arm) -> tuple[str, str]:
     return f"Structural stiffness of the {robot}", f"{facts[1] or 'vertical load'}; stiffness from the {origin}"
 
 
-def _figures(data: MapData, name: str, arm: Arm, works: bool, *, effects: bool = True) -> Iterator[tuple[str, Figure]]:
-    """Endings of the files' names and the figures of one quantity."""
-    look = look_of(name, data.fields[name])
-    of_robot = (arm.description, arm.robot, *_words(data, look, arm))
+def _figures(data: MapData, name: str, *, effects: bool = True) -> Iterator[tuple[str, Draw]]:
+    """Endings of the names of a quantity's figures, and what draws them."""
+    kind = kind_of(name, data.fields[name])
     if data.layout.kind == "joints":
         for view in VIEWS:
-            yield f"_{view}", cloud_figure(data, look, *of_robot, works, view)
-        if effects and look.kind != "category":
-            yield "_effects", swept_effects_figure(data, look, *_words(data, look, arm))
+            yield f"_{view}", partial(_cloud, view)
+        if effects and kind != "category":
+            yield "_effects", _effects
         return
-    yield "", slice_figure(data, look, unlike(data, look, planes_of(data)), *of_robot)
-    thick = min(data.layout.shape) > 1
-    if data.layout.kind != "slice" and thick and look.kind not in ("category", "error"):
-        yield "_surfaces", iso_figure(data, look, *of_robot, works)
+    yield "", _slice
+    if data.layout.kind != "slice" and min(data.layout.shape) > 1 and kind not in ("category", "error"):
+        yield "_surfaces", _surfaces
 
 
-def save_figure(figure: Figure, folder: OutputFolder, stem: str) -> list[str]:
-    """Write a figure as PNG, 150 dots an inch; returns the name of the file."""
-    style.save_png(figure, folder.path(f"{stem}.png"))
-    return [f"{stem}.png"]
+def _cloud(view: str, data: MapData, name: str, arm: Arm) -> Figure:
+    return cloud_figure(data, *_of(data, name, arm), chosen(None)[0], view)
+
+
+def _surfaces(data: MapData, name: str, arm: Arm) -> Figure:
+    return iso_figure(data, *_of(data, name, arm), chosen(None)[0])
+
+
+def _effects(data: MapData, name: str, arm: Arm) -> Figure:
+    look, _, _, *words = _of(data, name, arm)
+    return swept_effects_figure(data, look, *words)
+
+
+def _slice(data: MapData, name: str, arm: Arm) -> Figure:
+    of_robot = _of(data, name, arm)
+    return slice_figure(data, of_robot[0], unlike(data, of_robot[0], planes_of(data)), *of_robot[1:])
+
+
+def _of(data: MapData, name: str, arm: Arm) -> tuple[Look, ModelDescription, Robot, str, str]:
+    look = look_of(name, data.fields[name])
+    return look, arm.description, arm.robot, *_words(data, look, arm)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from functools import cached_property
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
@@ -15,12 +15,13 @@ from machining.stiffness.distribution import EveryGamma
 from machining.stiffness.grid import in_box, in_polygon
 from machining.stiffness.objective import DISPLACEMENTS
 from machining.sweep_parts import MOST
-from robots import InputError, Robot, content_hash
+from robots import InputError, Robot
 from robots.arrays import Array, Bools
-from robots.constants import DOWN, MM
-from stiffarm.commands.maps.request import MapRequest, Vector, table_of, vector_words
-from stiffarm.session.caution import warned
-from stiffarm.session.parsing import frame_words, parse_word
+from robots.constants import DOWN
+from robots.constants import MM as MILLIMETRE
+from stiffarm.commands.maps.request import GAMMA, MM, NUMBERS, MapRequest, Vector, scaled, table_of, vector_words
+from stiffarm.request import DIRECTION, FORCE, FRAME, Kind, option, word
+from stiffarm.session.parsing import frame_words, parse_numbers, parse_word
 from stiffarm.session.task_options import Range, gammas_of, values_of
 from surrogate.maps import candidates
 from surrogate.maps.blocks import Engine
@@ -29,46 +30,84 @@ from surrogate.maps.layouts import plane_or_box, points_of
 from surrogate.maps.quantities import Quantities, named
 
 Aim = Literal["mean", "worst"]
-AIMS: Final[tuple[Aim, ...]] = ("mean", "worst")
 # Angles that pictures may show at most, and how exactly one must be named (rad): they are written with a few digits.
 MOST_SHOWN, SHOWN_AS = 10, np.radians(1e-3)
 # Box of the workpiece: from and to by axis; or corners along the grid's first two axes; mm.
 Region = Mapping[str, tuple[float, float]] | Sequence[tuple[float, float]]
 
 
+def _region(text: str, name: str) -> Region:
+    """A region in mm: ``x=-100:100,y=800:1000``, or corners ``-100,800;100,800;0,1000``."""
+    if ";" in text:
+        pairs = [parse_numbers(pair) or () for pair in text.split(";")]
+        if not all(len(pair) == 2 for pair in pairs):
+            raise InputError(
+                name, code="A004", value=text, allowed="corners u,v;u,v;u,v in mm", remedy="give three or more"
+            )
+        return [(u, v) for u, v in pairs]
+    out: dict[str, tuple[float, float]] = {}
+    for item in text.split(","):
+        axis, _, ends = (part.strip() for part in item.partition("="))
+        numbers = parse_numbers(ends, ":") or ()
+        if axis not in ("x", "y", "z") or len(numbers) != 2 or numbers[0] > numbers[1]:
+            raise InputError(
+                name,
+                code="A004",
+                value=item,
+                allowed="x=FROM:TO, y=FROM:TO, z=FROM:TO in mm, FROM up to TO",
+                remedy="write it as in x=-100:100,y=800:1000",
+            )
+        out[axis] = numbers[0], numbers[1]
+    return out
+
+
+_ALONG: Final = "Values along {} of the part, in mm: FROM:TO:STEP or one number, which one of --x, --y and --z may be."
+
+
+REGION: Final = Kind("REGION", _region)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IndexRequest(MapRequest):
-    """An index over a plane or a box of the part at every angle gamma about the tool axis.
+class IndexMapRequest(MapRequest):
+    """Map an index over a plane or a box of the part at every angle gamma about the tool axis, and find the best."""
 
-    Parameters
-    ----------
-    x_mm, y_mm, z_mm : along the part's axes; one of them may be one number
-    quantity, force, aim : what is made large or small, see :class:`machining.Objective`
-    part : frame (4, 4) m in the base frame
-    tool_axis : default: along the normal
-    workpiece : where the best gamma is sought; None: the whole grid
-    partly : whether a gamma may be best that does not reach all of the workpiece
-    show_deg : angles to draw and to write to the map's file; None: chosen later
+    kind: ClassVar[LayoutKind] = "box"
 
-    Raises
-    ------
-    InputError
-        What does not fit.
-    """
-
-    kind: LayoutKind = "box"
-    gamma_deg: Range | None = (-180.0, 180.0, 5.0)
-    quantity: str = "k_fs"
-    force: Vector | None = None
-    part: Array | None = None
-    aim: Aim = "mean"
-    workpiece: Region | None = None
-    partly: bool = False
-    show_deg: Sequence[float] | None = None
+    x_mm: Range = option(_ALONG.format("x"), MM, default=MISSING, spelled=("--x",))
+    y_mm: Range = option(_ALONG.format("y"), MM, default=MISSING, spelled=("--y",))
+    z_mm: Range = option(_ALONG.format("z"), MM, default=MISSING, spelled=("--z",))
+    quantity: str = option(f"What to map: {', '.join((*INDICES, *DISPLACEMENTS))}.", default="k_fs")
+    part: Vector | None = option("Part frame in the base frame, in mm and deg. Default: the base frame.", FRAME)
+    tool_axis: Vector | None = option(
+        "Tool axis from the tip into the holder, in base axes. Default: along the normal.", DIRECTION
+    )
+    gamma_deg: Range = option(
+        "Angles gamma about the tool axis, in deg, or one; the two ends of a full turn count once.",
+        GAMMA,
+        default=(-180.0, 180.0, 5.0),
+        spelled=("--gamma",),
+    )
+    show_deg: Sequence[float] | None = option(
+        "Angles gamma to draw and to write to the map's file, in deg. Default: five, and the best.",
+        NUMBERS,
+        spelled=("--show",),
+    )
+    force: Vector | None = option("Force on the tool in base axes, in N, where needed.", FORCE)
+    workpiece: Region | None = option(
+        "Where the best gamma is sought, in mm: x=-100:100,y=800:1000, or corners as in "
+        "'-100,800;100,800;0,1000' along the grid's first two axes. The best gamma reaches all of it. "
+        "Default: the whole grid; a point that the best gamma misses counts as zero stiffness.",
+        REGION,
+    )
+    aim: Aim = option("Best gamma by the mean or the worst point: mean, worst.", word(Aim), default="mean")
+    partly: bool = option(
+        "Also allow a gamma that does not reach all of the workpiece; each point missed counts as zero stiffness.",
+        default=False,
+    )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         parse_word(self.quantity, (*INDICES, *DISPLACEMENTS), "--quantity")
-        parse_word(self.aim, AIMS, "--aim")
         if self.points_of_grid.n * len(self.gamma) > MOST:
             raise InputError(
                 "map",
@@ -80,9 +119,19 @@ class IndexRequest(MapRequest):
         _ = self.objective, self.inside, self.drawn
 
     @property
+    def is_image(self) -> bool:
+        """Whether the points are those of an image in base axes."""
+        return self.part is None
+
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """Endings of the files of arrays."""
+        return tuple(self.format or ("vtu",))
+
+    @property
     def along(self) -> tuple[float, float, float]:
         """Direction of the force; where none is needed, straight down."""
-        return MapRequest(kind="box", direction=DOWN if self.force is None else self.force).along
+        return scaled(DOWN if self.force is None else self.force)
 
     @property
     def axis(self) -> Array:
@@ -93,13 +142,18 @@ class IndexRequest(MapRequest):
     def points_of_grid(self) -> Layout:
         """The map's points."""
         asked = [("--x", self.x_mm), ("--y", self.y_mm), ("--z", self.z_mm)]
-        x, y, z = (values_of(0.0 if value is None else value, option) for option, value in asked)
-        return plane_or_box(x, y, z, np.eye(4) if self.part is None else self.part)
+        x, y, z = (values_of(value, name) for name, value in asked)
+        return plane_or_box(x, y, z, self.frame_of_part)
+
+    @property
+    def frame_of_part(self) -> Array:
+        """Frame of the part (4, 4) m in the base frame."""
+        return np.eye(4) if self.part is None else np.asarray(self.part)
 
     @cached_property
     def gamma(self) -> Array:
         """Angles gamma (m,) rad."""
-        gammas = gammas_of(0.0 if self.gamma_deg is None else self.gamma_deg)
+        gammas = gammas_of(self.gamma_deg)
         return gammas.angles if isinstance(gammas, GammaRange) else np.array([gammas])
 
     @cached_property
@@ -118,7 +172,7 @@ class IndexRequest(MapRequest):
         if not isinstance(self.workpiece, Mapping):
             return in_polygon(self.points_of_grid, self.workpiece)
         ends = np.array([self.workpiece.get(name, (-np.inf, np.inf)) for name in "xyz"])
-        return in_box(self.points_of_grid, *(MM * ends.T))
+        return in_box(self.points_of_grid, *(MILLIMETRE * ends.T))
 
     @cached_property
     def drawn(self) -> tuple[int, ...] | None:
@@ -145,28 +199,19 @@ class IndexRequest(MapRequest):
         """What evaluates the map: the best gamma's pose at each point, and the objective at every gamma."""
         frame, grid = self.frame(given.robot), self.points_of_grid
         quantities = Quantities(given.model, np.array(self.along), named(table_of(), ["singular"]), point=frame[:3, 3])
-        part = np.eye(4) if self.part is None else self.part
-        rule = EveryGamma(
-            given.model, self.objective, self.gamma, frame, part, np.asarray(self.normal, dtype=np.float64), self.axis
-        )
+        normal = np.asarray(self.normal, dtype=np.float64)
+        rule = EveryGamma(given.model, self.objective, self.gamma, frame, self.frame_of_part, normal, self.axis)
         merit = quantities.merit(named(table_of(), ["stiffness"])[0])
         return Engine(grid, quantities, rule, candidates.Arm(given.robot, frame, merit), self.seed)
 
     def metadata(self, given: Arm, engine: Engine) -> dict[str, str]:
         """What the map is of, words by name."""
         assert isinstance(engine.rule, EveryGamma)  # noqa: S101 - of this request
-        frame = engine.rule.T_base_part
         reference = engine.rule.task(points_of(engine.grid)).reference
-        return {
-            "robot": given.robot.name,
-            "model_hash": content_hash(given.description),
-            "links": given.model.link_kind,
-            "load_path": given.model.load_path,
-            "tool_on_flange": frame_words(self.frame(given.robot)),
-            "part_in_base": frame_words(frame),
-            "normal": vector_words(self.normal),
+        part = self.frame_of_part
+        return super().metadata(given, engine) | {
+            "part_in_base": frame_words(part),
             "tool_axis": vector_words(self.axis),
-            "gamma_counts_from": vector_words(frame[:3, :3] @ np.asarray(reference)),
+            "gamma_counts_from": vector_words(part[:3, :3] @ np.asarray(reference)),
             "force_N": "none" if self.force is None else vector_words(self.force),
-            "not_looked_at": "collisions; the way from point to point",
-        } | warned(given)
+        }

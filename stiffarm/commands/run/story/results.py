@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,13 +11,13 @@ import numpy as np
 from robots.quantities import significant
 from robots.schema.quantities import Quantity
 from stiffarm.commands.fit.figures.effects import main_effects_figure
-from stiffarm.commands.fit.report import quality_picture
-from stiffarm.commands.fit.results import errors_table
+from stiffarm.commands.fit.report import errors_table, quality
 from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Fold, Note, Picture, Section, Table, Text
 from surrogate import default_sweep
 from surrogate.main_effects import main_effects
+from surrogate.maps.quantities import STIFFNESS_ARRAY
 
 
 def effects_section(f: Findings, pictures: Pictures) -> Section:
@@ -50,7 +52,8 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
 
 def surrogate_section(f: Findings, pictures: Pictures) -> Section:
     """Held-out errors of every basis, and the measured poses."""
-    trained = f.trained[f.best.name]
+    drawn = quality(f.trained[f.best.name])
+    errors = [errors_table(one, name.capitalize()) for name, one in f.trained.items()]
     return Section(
         "The surrogate and its error",
         (
@@ -61,8 +64,8 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
                 "boundary of the domain, where polynomials are worst; “worst, uniform” leaves those out. "
                 "surrogate.json is the first basis of the recommended model."
             ),
-            *(errors_table(one, name.capitalize()) for name, one in f.trained.items()),
-            quality_picture(trained, pictures),
+            *(replace(one.block(), caption=one.caption) for one in errors),
+            pictures.add(drawn.draw(), drawn.name, drawn.caption),
             _measured_poses(f),
             Note(
                 "Outside the fitted joint ranges, or where the robot cannot go, the surrogate flags the pose and "
@@ -95,32 +98,21 @@ def _measured_poses(f: Findings) -> Table:
     return Table("The measured poses", columns, rows)
 
 
-def map_section(f: Findings, drawn: dict[str, Any], pictures: Pictures) -> Section:
+def map_section(f: Findings, drawn: Mapping[str, Any], views: Sequence[Picture]) -> Section:
     """The stiffness map from both viewpoints."""
-    captions = {
-        "oblique": "Tool positions of the sweep, coloured by structural stiffness; warm, bright colours are stiff. "
-        "Points on the viewer's side of the robot's plane are left out.",
-        "side": "The map seen along Y, onto the XZ cross-section.",
-    }
-    k = drawn["stiffness_N_per_mm"]
+    k = drawn["quantities"][STIFFNESS_ARRAY]
     swept, layer = default_sweep(f.given.robot)
     text = f"{drawn['points']} poses swept over {', '.join(swept)}"
     text += f", with {layer} moving the tool out of the plane. " if layer else ". "
-    low, high = (significant(k[name]) for name in ("min", "max"))
+    low, high = significant(k["min"]), significant(k.get("max_near_singular", k["max"]))
     text += (
         f"Stiffness under a vertical load runs from {low} to {high} N/mm; it is largest where the load passes through "
         "the joints. map.html is the map: turn it, cut it, pick points."
     )
-    views = {}
-    for name in drawn["files"]:
-        if name.endswith(".png"):
-            view = name.removesuffix(".png").rsplit("_", 1)[-1]
-            views[view] = Picture(pictures.folder.path(name), captions[view], f"stiffness map, {view} view")
-    shown = views.pop("side", None)
     file = "stiffness_map.vtu opens in ParaView; docs/reference/stiffness_map.md lists its arrays and their units."
-    rest: list[Block] = [*views.values(), Text(file)]
-    first = [shown] if shown else []
-    return Section("The stiffness map", (Text(text), *first, Fold("From another side, and as a file", tuple(rest))))
+    shown = [view for view in views if view.path.stem.endswith("_side")]
+    rest: list[Block] = [*(view for view in views if view not in shown), Text(file)]
+    return Section("The stiffness map", (Text(text), *shown, Fold("From another side, and as a file", tuple(rest))))
 
 
 def assumptions_section(f: Findings) -> Section:

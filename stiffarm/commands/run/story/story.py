@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,19 +19,23 @@ from stiffarm.commands.run.story.links import links_section
 from stiffarm.commands.run.story.missing import missing_section, next_words
 from stiffarm.pages import workspace_answer
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Answer, KeyFigure, data_words, write_page
+from stiffarm.pages.report import Answer, KeyFigure, Picture, data_words, write_page
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.workspace import WorkspaceStiffness
 
 
 def write_report(
     findings: Findings,
-    drawn: dict[str, Any],
+    drawn: Mapping[str, Any],
+    views: Sequence[Picture],
     told: Rehearsed | InputError | None,
     stiffness: WorkspaceStiffness,
     folder: OutputFolder,
 ) -> tuple[str, Answer]:
-    """Draw all figures and write report.html, index.html that leads to all, and the card; returns what they say."""
+    """Draw all figures, write report.html, index.html that leads to all, and the card; returns what they say.
+
+    ``drawn``: JSON of the map, ``views``: its pictures.
+    """
     f, pictures = findings, Pictures(folder)
     answer, key = _answer(f, stiffness, pictures), _key_figures(f, stiffness)
     sections = [
@@ -38,7 +43,7 @@ def write_report(
         calibration.data_section(f, pictures),
         calibration.comparison_section(f, pictures),
         budget_section(f, pictures),
-        results.map_section(f, drawn, pictures),
+        results.map_section(f, drawn, views),
     ]
     if told is not None:
         sections.append(proof_section(told, pictures))

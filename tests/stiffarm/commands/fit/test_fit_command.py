@@ -52,8 +52,7 @@ def test_all_formats_are_written_and_named(portable: tuple[Path, Outcome]) -> No
     folder, outcome = portable
     files = {"surrogate.json", "surrogate.onnx", "surrogate.h", "surrogate_snippet.py", "surrogate.js"}
     assert files <= set(outcome.json["files"]) <= set(tree(folder))
-    assert {"surrogate_polynomial.json", "surrogate_errors.json", "run.json"} <= set(tree(folder))
-    assert "report.html" in outcome.json["files"]
+    assert {"surrogate_polynomial.json", "fit.json", "report.html", "run.json"} <= set(tree(folder))
 
 
 def test_the_onnx_file_says_what_the_surrogate_does(portable: tuple[Path, Outcome]) -> None:
@@ -93,7 +92,7 @@ def test_a_report_that_makes_the_choice_plain(portable: tuple[Path, Outcome]) ->
     for name in ("rms_relative_error", "max_relative_error", "condition_number", "coverage_of_95_percent_bars"):
         assert figures[name] > 0.0
     assert 0.9 < figures["coverage_of_95_percent_bars"] <= 1.0
-    assert json.loads((folder / "surrogate_errors.json").read_text(encoding="utf-8")) == content
+    assert json.loads((folder / "fit.json").read_text(encoding="utf-8")) == content
     # Fixed coordinates that would matter are named.
     assert content["fixed_coordinates_would_change_it_by"]["q1_deg"] == 0.0
     assert content["fixed_coordinates_would_change_it_by"]["q5_deg"] > 0.01
@@ -114,7 +113,8 @@ def test_an_index_is_learned_and_answered_in_its_own_unit(cli: Command) -> None:
     exact = 1e-3 * evaluate("k_fs", C, UP, None)[0]
     # What the surrogate states, and six significant digits.
     assert row["k_fs_N_per_mm"] == pytest.approx(exact, rel=2.0 * stated + 1e-5)
-    assert row["low95"] < row["k_fs_N_per_mm"] < row["high95"]
+    low, high = row["k_fs_interval95_N_per_mm"]
+    assert low < row["k_fs_N_per_mm"] < high
     assert "stiffness_N_per_mm" not in row
     refused = cli("map", "joints", "kr60-3", "--surrogate", "out/surrogate.json", "--points", "2", "--out", "map")
     assert refused.code == 2
@@ -167,7 +167,7 @@ def test_the_matrix_and_any_direction(exact: Path) -> None:
     outcome = run_here("query", exact, "--pose", POSE, "--direction", "2,0,0", "--json")
     assert outcome.json["load_direction"] == [1.0, 0.0, 0.0] or np.allclose(outcome.json["load_direction"], [1, 0, 0])
     (turned,) = outcome.json["answers"]
-    assert turned["relative_error95"] is turned["low95"] is turned["high95"] is None
+    assert turned["relative_error95"] is turned["stiffness_interval95_N_per_mm"] is None
     assert "no error bar for this load direction" in turned["flags"]
 
 
@@ -193,8 +193,9 @@ def test_a_table_with_rows_outside_is_answered_row_by_row(exact: Path, cli: Comm
     assert inside["flags"] == ""
     assert inside["near_singular"] is False
     assert inside["beyond_small_displacements"] is False
-    assert inside["low95"] <= inside["stiffness_N_per_mm"] <= inside["high95"]
-    for name in ("stiffness_N_per_mm", "low95", "high95", "relative_error95"):
+    low, high = inside["stiffness_interval95_N_per_mm"]
+    assert low <= inside["stiffness_N_per_mm"] <= high
+    for name in ("stiffness_N_per_mm", "stiffness_interval95_N_per_mm", "relative_error95"):
         assert outside[name] is None
     assert (outside["inside_domain"], outside["reachable"]) == (False, True)
     assert outside["flags"].startswith("not answered: q2_deg = 100 deg (allowed -135 to 35 deg)")
@@ -240,7 +241,7 @@ def test_the_matrix_beside_a_row_at_which_it_would_overflow(cli: Command, tmp_pa
 def test_the_calibrations_part_of_the_error_bar(fitted: Path) -> None:
     """The model of the fixture was calibrated: its springs are known so well and no better."""
     row = answered(fitted / "surrogate.json", "--pose", "q2_deg=5,q3real_deg=80,q4_deg=0,q5_deg=30")
-    errors = json.loads((fitted / "surrogate_errors.json").read_text(encoding="utf-8"))
+    errors = json.loads((fitted / "fit.json").read_text(encoding="utf-8"))
     known = errors["calibration_uncertainty"]
     assert known["parameters"]
     own, part = row["relative_error95_surrogate"], row["relative_error95_calibration"]
@@ -248,5 +249,6 @@ def test_the_calibrations_part_of_the_error_bar(fitted: Path) -> None:
     # Six significant digits.
     assert row["relative_error95"] == pytest.approx(np.hypot(own, part), rel=1e-5)
     # It is the compliance that is off by that share.
-    assert row["high95"] == pytest.approx(row["stiffness_N_per_mm"] / (1.0 - row["relative_error95"]), rel=1e-4)
-    assert row["low95"] == pytest.approx(row["stiffness_N_per_mm"] / (1.0 + row["relative_error95"]), rel=1e-5)
+    low, high = row["stiffness_interval95_N_per_mm"]
+    assert high == pytest.approx(row["stiffness_N_per_mm"] / (1.0 - row["relative_error95"]), rel=1e-4)
+    assert low == pytest.approx(row["stiffness_N_per_mm"] / (1.0 + row["relative_error95"]), rel=1e-5)

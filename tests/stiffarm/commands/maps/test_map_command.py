@@ -23,11 +23,10 @@ from fem import build_model, compliance_budget, directional_stiffness
 from machining import stiffness_index
 from robots import InputError, forward_kinematics, load_description, tool_position
 from stiffarm import __version__
-from stiffarm.commands.maps.request import MapJob, MapRequest, evaluate
+from stiffarm.commands.maps.request import BoxRequest, CylinderRequest, MapJob, SliceRequest, evaluate
 from stiffarm.session.inputs import read_model
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
-from surrogate.maps.data import LayoutKind
 
 BARE = ("--no-pictures", "--json", "--out", "out")
 SMALL = ("--x", "1000:2200:400", "--z", "400:1600:400")
@@ -83,7 +82,7 @@ def test_the_table_of_a_slice_is_what_the_model_says(made: tuple[Path, dict[str,
 
 def test_the_files_of_a_slice_say_the_same(made: tuple[Path, dict[str, Any]]) -> None:
     out, content = made
-    assert set(tree(out)) == {"map.vti", "map.csv", "map.json", "map.html", "run.json"}
+    assert set(tree(out)) == {"map.vti", "map.csv", "map.json", "map.html", "report.html", "run.json"}
     assert json.loads((out / "map.json").read_text(encoding="utf-8"))["quantities"] == content["quantities"]
     reader = vtkXMLImageDataReader()
     reader.SetFileName(str(out / "map.vti"))
@@ -92,14 +91,14 @@ def test_the_files_of_a_slice_say_the_same(made: tuple[Path, dict[str, Any]]) ->
     assert image.GetNumberOfPoints() == content["grid_points"]
     array = vtk_to_numpy(image.GetPointData().GetArray("stiffness_N_per_mm"))
     np.testing.assert_allclose(array, numbers(table(out / "map.csv")["stiffness_N_per_mm"]), rtol=1e-8)
-    assert "map.json" in content["files"]
+    assert content["files"] == ["map.vti", "map.html", "map.csv"]
     assert "stiffness_N_per_mm" in (out / "map.html").read_text(encoding="utf-8")
 
 
 def test_the_joint_sweep_has_the_arrays_it_always_had_and_more(cli: Command, tmp_path: Path) -> None:
     outcome = cli("map", "joints", "xr701", "--points", "3", "--layers", "-90,0", *BARE)
     assert outcome.code == 0, outcome.err
-    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "map.csv", "map.json", "run.json"}
+    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "map.csv", "map.json", "report.html", "run.json"}
     reader = vtkXMLUnstructuredGridReader()
     reader.SetFileName(str(tmp_path / "out" / "stiffness_map.vtu"))
     reader.Update()
@@ -110,8 +109,7 @@ def test_the_joint_sweep_has_the_arrays_it_always_had_and_more(cli: Command, tmp
     assert arrays > {"stiffness_N_per_mm", "worst_stiffness_N_per_mm", "softest_part", *joints}
     found = outcome.json
     assert grid.GetNumberOfPoints() == found["points"] < found["grid_points"] == 54
-    assert found["cells"] == sum(grid.GetCellType(i) == 12 for i in range(grid.GetNumberOfCells())) > 0
-    assert found["stiffness_N_per_mm"]["min"] == found["quantities"]["stiffness_N_per_mm"]["min"]
+    assert sum(grid.GetCellType(i) == 12 for i in range(grid.GetNumberOfCells())) > 0
 
 
 def test_load_tool_and_quantities_are_those_asked_for(cli: Command, tmp_path: Path) -> None:
@@ -148,14 +146,12 @@ def test_stiffest_best_gamma_fixed_and_softest_are_in_that_order(cli: Command, t
 
 def test_boxes_and_cylinders_of_a_default_size_hold_the_reach(cli: Command, tmp_path: Path) -> None:
     given = read_model("kr60-3", "rigid", None)
-    kinds: tuple[LayoutKind, ...] = ("box", "cylinder", "slice")
-    for kind in kinds:
-        asked = MapRequest(kind=kind)
+    for asked in (BoxRequest(), CylinderRequest(), SliceRequest()):
         grid, reach = asked.grid(given.robot), asked.reach(given.robot)
         axes = {axis.name: axis.values for axis in grid.axes}
         assert axes["z"][0] <= 1e3 * reach.lower[2]
         assert axes["z"][-1] >= 1e3 * reach.upper[2]
-        assert max(len(v) for v in axes.values()) >= (40 if kind == "slice" else 25)
+        assert max(len(v) for v in axes.values()) >= (40 if asked.kind == "slice" else 25)
         assert grid.n < 100_000
     options = ("--r", "1200:1600:400", "--z", "800", "--phi", "-90:90:90", "--pose", "fixed")
     outcome = cli("map", "cylinder", "kr60-3", *options, "--format", "vtu,vtp", *BARE)
@@ -240,26 +236,13 @@ def test_the_form_of_before_is_answered_with_the_new_one(cli: Command, old: tupl
     assert f"`stiffarm map {new}`" in " ".join(outcome.err.split())
 
 
-def test_each_kind_of_map_has_its_own_options_only(cli: Command) -> None:
-    for kind, option in (
-        ("joints", "--plane"),
-        ("slice", "--r"),
-        ("box", "--at"),
-        ("cylinder", "--x"),
-        ("index", "--pose"),
-    ):
-        refused = cli("map", kind, "kr60-3", option, "0", "--out", "out")
-        assert refused.code == 2
-        assert "No such option" in refused.err
-
-
 def test_models_that_such_a_map_cannot_be_made_of(cli: Command, tmp_path: Path) -> None:
     urdf = write_urdf(tmp_path / "small.urdf")
     four = cli("map", "slice", urdf, "--out", "out")
     assert four.code == 2
     assert "nothing in this model deflects" in " ".join(four.err.split())
     with pytest.raises(InputError, match=r"4 joints.*map joints"):
-        MapRequest(kind="slice", pose="fixed").engine(read_model(str(urdf), "rigid", None))
+        SliceRequest(pose="fixed").engine(read_model(str(urdf), "rigid", None))
 
 
 def test_a_calibrated_model_says_how_sure_its_stiffness_is(cli: Command, tmp_path: Path, calibrated: Path) -> None:
@@ -281,7 +264,7 @@ def test_a_calibrated_model_says_how_sure_its_stiffness_is(cli: Command, tmp_pat
 
 def a_job(**changed: Any) -> MapJob:
     given = read_model("kr60-3", "rigid", None)
-    asked = MapRequest(kind="slice", pose="fixed", x_mm=(0.0, 1500.0, 300.0), z_mm=600.0)
+    asked = SliceRequest(pose="fixed", x_mm=(0.0, 1500.0, 300.0), z_mm=600.0)
     return replace(MapJob.of(asked, given), **changed)
 
 
@@ -289,7 +272,7 @@ def test_a_job_survives_the_way_to_a_worker_and_keys_tell_requests_apart() -> No
     job, given = a_job(), read_model("kr60-3", "rigid", None)
     there = pickle.loads(pickle.dumps(job))  # noqa: S301 - as Dask does
     assert there.asked.key(given) == job.asked.key(given) == job.key
-    for change in ({"seed": 1}, {"normal": (0.0, 1.0, 0.0)}, {"at_load_N": 5.0}, {"x_mm": (0.0, 1500.0, 150.0)}):
+    for change in ({"seed": 1}, {"normal": (0.0, 1.0, 0.0)}, {"at_load": 5.0}, {"x_mm": (0.0, 1500.0, 150.0)}):
         assert replace(job.asked, **change).key(given) != job.key
     assert job.asked.key(read_model("kr60-3", "beam", None)) != job.key
 
@@ -336,11 +319,10 @@ def test_a_map_from_a_surrogate_has_the_files_and_figures_of_all_maps(cli: Comma
     options = ("--surrogate", "fit/surrogate.json", "--points", "3", "--layers", "0,60")
     outcome = cli("map", "joints", "kr60-3", "--links", "rigid", *options, *BARE)
     assert outcome.code == 0, outcome.err
-    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "map.csv", "map.json", "run.json"}
+    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "map.csv", "map.json", "report.html", "run.json"}
     found = table(tmp_path / "out" / "map.csv")
     by_surrogate, by_model = numbers(found["stiffness_N_per_mm"]), numbers(found["model_stiffness_N_per_mm"])
     there = np.isfinite(by_model)
     np.testing.assert_allclose(by_surrogate[there], by_model[there], rtol=0.1)
     figures = outcome.json["quantities"]["stiffness_N_per_mm"]
-    assert figures["median"] == outcome.json["stiffness_N_per_mm"]["median"]
     assert figures["median"] == pytest.approx(np.median(by_surrogate[there]), rel=1e-5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Final
@@ -11,10 +12,11 @@ import numpy as np
 
 from robots import InputError, require_one_of
 from robots.files.written import write_whole
-from stiffarm.session.outputs import OutputFolder
-from surrogate import Surrogate, Trained
-from surrogate.model import COMPLIANCE
-from surrogate.portable import Link, Portable, c_header, javascript, python_snippet, write_onnx
+from surrogate.model import COMPLIANCE, Surrogate
+from surrogate.portable.content import Link, Portable
+from surrogate.portable.javascript import javascript
+from surrogate.portable.onnx_file import write_onnx
+from surrogate.portable.source import c_header, python_snippet
 from surrogate.scope import Scope
 
 FORMATS: Final = {
@@ -27,23 +29,20 @@ ENDINGS: Final = {Path(name).suffix: form for form, name in FORMATS.items()}
 _TEXTS: Final = {"c": c_header, "python": python_snippet, "javascript": javascript}
 
 
-def parse_formats(text: str | None) -> tuple[str, ...]:
-    """``onnx,c`` as names of formats, each once.
+def require_formats(names: Sequence[str]) -> None:
+    """Refuse an unknown format, and one whose package is missing, before a fit that takes a while.
 
     Raises
     ------
     InputError
-        An unknown format.
+        One of these.
     """
-    names = () if text is None else tuple(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in names:
         require_one_of("--format", name, FORMATS, code="A001", remedy="separate them by commas")
-    # Before the fit, which takes a while.
     if "onnx" in names and importlib.util.find_spec("onnx") is None:
         raise InputError(
             "--format onnx: the package onnx is missing", code="F013", remedy="pip install 'stiffarm[onnx]'"
         )
-    return names
 
 
 def portable(surrogate: Surrogate, *, matrix: bool = False) -> Portable:
@@ -93,18 +92,6 @@ def _meaning(surrogate: Surrogate, matrix: bool) -> tuple[str, ...]:
     if surrogate.quantity.name == COMPLIANCE:
         return (f"along the load direction {surrogate.load_direction}, base axes; the stiffness is its reciprocal",)
     return ()
-
-
-def write(trained: Trained, formats: tuple[str, ...], folder: OutputFolder, *, matrix: bool = False) -> list[str]:
-    """Write the formats asked for; returns the names of the files."""
-    if not formats:
-        return []
-    # The matrix is known to the factored basis, even where another is the best along the load.
-    known = [one for one in trained.surrogates if one.has_matrix] if matrix else [trained.best]
-    content = portable(known[0] if known else trained.best, matrix=matrix)
-    for name in formats:
-        write_one(content, folder.path(FORMATS[name]))
-    return [FORMATS[name] for name in formats]
 
 
 def write_one(content: Portable, path: Path) -> None:
