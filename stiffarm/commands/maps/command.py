@@ -23,12 +23,12 @@ from stiffarm.capability import capability
 from stiffarm.commands.maps.files import CSV_UP_TO, DRAWN_UP_TO, write_arrays, write_table
 from stiffarm.commands.maps.index.answer import index_map
 from stiffarm.commands.maps.index.request import IndexMapRequest
+from stiffarm.commands.maps.joints import JointsRequest
 from stiffarm.commands.maps.request import (
     FORMATS,
     ArmMapRequest,
     BoxRequest,
     CylinderRequest,
-    JointsRequest,
     MapJob,
     MapRequest,
     SliceRequest,

@@ -22,7 +22,7 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.report import payload as trained_payload
 from stiffarm.commands.maps.command import mapped
-from stiffarm.commands.maps.request import JointsRequest
+from stiffarm.commands.maps.joints import JointsRequest
 from stiffarm.commands.query.command import errors_words
 from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run import held_out, link_models, missing, payload, proof

@@ -7,7 +7,7 @@ import pytest
 
 import stiffarm as sa
 from fem import directional_stiffness
-from stiffarm.commands.maps.request import JointsRequest
+from stiffarm.commands.maps.joints import JointsRequest
 from stiffarm.session import inputs
 
 
