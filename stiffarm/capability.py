@@ -25,9 +25,6 @@ from stiffarm.session.parsing import typed_again
 if TYPE_CHECKING:
     from fem.arm import Arm
 
-if TYPE_CHECKING:
-    from fem.arm import Arm
-
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
 _OPTION: Final = re.compile(r"--([a-z][a-z0-9]*(?:-[a-z0-9]+)*)")

@@ -380,24 +380,6 @@ class Result:
             pictures.append(page.Picture(path, drawing.caption, drawing.alt))
         return content, pictures
 
-    def write_files(self, folder: OutputFolder) -> tuple[dict[str, Any], list[page.Picture]]:
-        """All but the page, which has its pictures; the first table is named as the result, unless a file is so."""
-        from stiffarm.pages import report as page
-        from stiffarm.pages.style import save_png
-
-        further = {} if self.more is None else self.more(folder)
-        content = {**self.as_json, **further}
-        folder.write_json(f"{self.name}.json", content)
-        for i, table in enumerate(table for table in self.tables if not table.is_extract):
-            own = i > 0 or f"{self.name}.csv" in folder.names()
-            folder.write_text(f"{table.name if own else self.name}.csv", records_text(table.records()))
-        pictures = []
-        for drawing in self.drawings:
-            path = folder.path(f"{drawing.name}.png")
-            save_png(drawing.draw(), path)
-            pictures.append(page.Picture(path, drawing.caption, drawing.alt))
-        return content, pictures
-
 
 def _word(label: str | bool) -> str:
     return label if isinstance(label, str) else "yes" if label else ""
