@@ -230,7 +230,8 @@ class PathRequest(CellRequest):
 
     @property
     def _choice(self) -> dict[str, Any]:
-        return {"operations": self.operation, "tool_numbers": self.tool_number}
+        # Whole numbers in a row are taken for one value.
+        return {"operations": self.operation, "tool_numbers": tuple(np.ravel(self.tool_number).tolist())}
 
     def given_path(self) -> GivenPath:
         """The cuts of the file; errors as :func:`machining.toolpaths.read_given_path`."""
