@@ -543,6 +543,8 @@ TEXT: Final = Kind(None, lambda text, name: text)
 
 def _loads(value: Any, name: str) -> tuple[float, ...]:
     allowed = f"forces above 0 N, up to {LARGEST_LOAD:g} N" + (", or all" if name.startswith("-") else "")
+    if isinstance(value, str) and value.strip() == "all":
+        return ()
     loads = numbers_of(value, name, allowed) if np.size(value) else ()
     if not all(0.0 < load <= LARGEST_LOAD for load in loads):
         raise InputError(name, code="A006", value=value, allowed=allowed, remedy="give them in N, as in 150,650")

@@ -94,7 +94,7 @@ class Table:
         import pandas as pd
 
         made = pd.DataFrame(self.columns())
-        numbers = [name for name in made if name not in self.labels]
+        numbers = [name for name in made if name not in self.labels and name not in self.extra]
         return made.astype(dict.fromkeys(numbers, "float64"))
 
     def texts(self, rows: int = SHOWN) -> tuple[list[str], list[list[str]]]:

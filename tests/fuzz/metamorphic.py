@@ -81,7 +81,7 @@ def free(tables: list[Measurements], name: str, joints: tuple[str, ...]) -> Answ
     given = arm(name)
     scheme = Path(doe.__file__).parent / "schemes" / "xr701.toml" if name == "xr701" else None
     data = join(tables)
-    asked = CalibrateRequest(joints=joints, loads="all", scheme_file=scheme)
+    asked = CalibrateRequest(joints=joints, loads=(), scheme_file=scheme)
     found = calibrating.calibrate(given, data, plan(given, data, asked, staged=False))
     estimates = certainty(found.stages[0].result.estimate).estimates
     numbers = {"rms_mm": found.found.rms_mm, "left out": found.left_out_rms_mm}

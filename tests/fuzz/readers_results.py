@@ -23,7 +23,7 @@ _FREE = {
     "name": "j2.stiffness",
     "unit": "N m/rad",
     "value": 1e6,
-    "interval95": [9e5, None],
+    "value_interval95": [9e5, None],
     "variable": "1/value",
     "sd_of_variable": 1e-7,
     "degrees_of_freedom": 20.0,
@@ -38,7 +38,7 @@ RESULTS: tuple[dict[str, Any], ...] = (
         "effects": [{"code": "payload", "parameters": {"force": _NUMBER}}],
         "readings": 90,
     },
-    {"robot": "kr60-3", "scheme": "global", "rms_mm": 0.1, "parameters": [_FREE]},
+    {"schema": "stiffarm-calibration/2", "robot": "kr60-3", "rms_mm": 0.1, "parameters": [_FREE]},
     {
         "schema": "stiffarm-placement/1",
         "robot": "tx200",
@@ -69,7 +69,7 @@ def _compared(path: Path) -> Comparison | None:
             whole = Path(folder) / "whole.json"
             whole.write_text(json.dumps(content), encoding="utf-8")
             try:
-                found = answer(CompareRequest(whole, path))
+                found = answer(CompareRequest(first=whole, others=(path,)))
             except InputError as error:
                 if "allowed: things of one kind" in str(error) and number + 1 < len(RESULTS):
                     continue

@@ -11,7 +11,7 @@ from refusals import refuses
 
 from machining.cell import read_cell
 from machining.cutting.milling_file import read_milling
-from machining.placement.file import SCHEMA, read_placement
+from machining.placement.file import SCHEMAS, read_placement
 from machining.programs.formats import read_options
 
 MILLING = """schema = "stiffarm-milling/1"
@@ -21,7 +21,7 @@ material = {{ tc_N_per_mm2 = {tc}, te_N_per_mm = 1, rc_N_per_mm2 = 1, re_N_per_m
 """
 RIGHT: dict[str, Any] = {"diameter": 10, "teeth": 2, "helix": 30, "tc": 800}
 PLACEMENT: dict[str, Any] = {
-    "schema": SCHEMA,
+    "schema": SCHEMAS[-1],
     "robot": "r",
     "cell": "c",
     "linear_axes": ["rail"],

@@ -24,6 +24,7 @@ FILES: Final[dict[str, Kind]] = {
     "map.json": "map",
 }
 SCHEMAS: Final[dict[str, Kind]] = {
+    "stiffarm-calibration": "calibration",
     "stiffarm-diagnosis": "diagnosis",
     "stiffarm-placement": "placement",
     "stiffarm-map": "map",
@@ -220,15 +221,17 @@ def _figures(s: Source) -> list[Figure]:
     if s.kind == "diagnosis":
         return [*_springs(s.content.get("springs", {})), *_effects(s.content)]
     if s.content:
-        stages = s.content.get("stages", [])
-        # "numbers": of files of version 1.
-        found = {n["name"]: _estimate(n) for one in stages for n in one.get("parameters", one.get("numbers", []))}
+        rows = s.content.get("parameters")
+        if not isinstance(rows, list):
+            # Files of version 1 have them by stage.
+            rows = [n for one in s.content.get("stages", []) for n in one.get("numbers", [])]
+        found = {n["name"]: _estimate(n) for n in rows}
         return list(found.values()) or _springs(s.content.get("springs", {}))
     return [] if s.uncertainty is None else _described(s.uncertainty)
 
 
 def _estimate(n: Mapping[str, Any]) -> Figure:
-    low, high = n["interval95"]
+    low, high = n.get("value_interval95", n.get("interval95")) or (None, None)
     sd = n.get("sd_of_variable")
     return Figure(
         n["name"],

@@ -54,7 +54,7 @@ def workbook(path: Path, rows: list[list[object]]) -> Path:
 
 
 def faults(path: Path, robot: Robot) -> tuple[str, ...]:
-    caught = refuses_each("T002 T004 T005 T006 T007", "", read_measurements, path, robot)
+    caught = refuses_each("T002 T003 T004 T005 T006 T007", "", read_measurements, path, robot)
     return tuple(str(error) for error in caught.errors)
 
 

@@ -69,7 +69,7 @@ def test_a_frame_gives_the_readings_of_the_file(arm: sa.Arm, readings: sa.Readin
 def test_a_fault_of_a_frame_has_its_row_and_column(arm: sa.Arm, readings: sa.Readings) -> None:
     frame = readings.to_frame().astype({"dz_mm": object})
     frame.loc[3, "dz_mm"] = "0,4"
-    with pytest.raises(sa.InputError, match=r"data frame 1.*row 5.*dz_mm"):
+    with pytest.raises(sa.InputError, match=r"data frame.*row 5.*dz_mm"):
         sa.read_readings(frame, arm)
 
 
@@ -241,5 +241,8 @@ def test_defaults_are_those_of_the_command_line(
 ) -> None:
     asked = run_here("calibrate", "xr701", *options, "--json")
     made = sa.calibrate(arm, readings, **arguments)  # type: ignore[arg-type]
-    assert made.as_json == asked.json
-    assert len(made.parameters) == len(asked.json.get("parameters", ()))
+    # Stages that one has found need not be found again by the other.
+    made_json, asked_json = dict(made.as_json), asked.json
+    for content in (made_json, asked_json):
+        content["stages"] = [{**stage, "resumed": None} for stage in content["stages"]]
+    assert made_json == asked_json

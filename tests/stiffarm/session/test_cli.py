@@ -57,33 +57,36 @@ def test_robots_lists_all_bundled_ones(cli: Command) -> None:
     assert all(name in shown.err for name in bundled_names())
     assert tuple(r["name"] for r in listed.json["robots"]) == bundled_names()
     assert tuple(r["name"] for r in listed.json["library"]) == library_names()
-    readings = {r["name"]: r["readings"] for r in listed.json["robots"] if r["readings"]}
+    readings = {r["name"]: r["measured_readings"] for r in listed.json["robots"] if r["measured_readings"]}
     assert readings == {"fanuc-r2000ic": "fanuc_r2000ic.csv", "xr701": "xr701_gotlih.csv"}
 
 
 @pytest.mark.parametrize("name", bundled_names())
 def test_a_robots_json_is_its_whole_description_and_its_masses(cli: Command, name: str) -> None:
     answer = cli("robots", name, "--json").json
-    masses, prior = answer.pop("masses"), answer.pop("class_prior")
-    assert list(prior["stiffness_Nm_per_rad"]) == [joint["name"] for joint in answer["joint"]]
-    assert ModelDescription.model_validate(answer) == load_description(name)
-    declared = [link["declared_kg"] for link in masses["links"].values()]
-    parts = sum(declared) + (masses["bar_kg"] or 0.0) + (masses["crank_kg"] or 0.0)
+    assert ModelDescription.model_validate(answer["model"]) == load_description(name)
+    joints = answer["joints"]
+    assert [one["joint"] for one in joints] == [joint["name"] for joint in answer["model"]["joint"]]
+    assert all(one["class_low_Nm_per_rad"] < one["class_high_Nm_per_rad"] for one in joints)
+    masses = {one["part"]: one for one in answer["masses"]}
+    whole, robot = masses.pop("all parts"), masses.pop("the robot")
+    declared = [one["declared_kg"] for one in masses.values() if one["declared_kg"] is not None]
     # Six significant digits are written.
-    assert masses["sum_kg"] == (pytest.approx(parts, rel=1e-5) if declared else None)
-    assert masses["robot_kg"] == answer["mass"]["value"]
+    assert whole["declared_kg"] == (pytest.approx(sum(declared), rel=1e-5) if declared else None)
+    assert robot["declared_kg"] == answer["model"]["mass"]["value"]
     assert all(
-        link["rest_kg"] == pytest.approx(link["declared_kg"] - link["casing_kg"], abs=1e-3)
-        for link in masses["links"].values()
+        one["rest_kg"] == pytest.approx(one["declared_kg"] - one["casing_kg"], abs=1e-3)
+        for one in masses.values()
+        if one["rest_kg"] is not None
     )
 
 
 def test_a_robot_is_shown_with_limits_and_their_sources(cli: Command) -> None:
     err = cli("robots", "xr701").err
-    assert "-35 to 45" in err
-    assert "65 <= 180 +1 q2_deg -1 q3real_deg <= 190 deg (assumed)" in err
+    assert all(word in err for word in ("−35.00", "45.00"))
+    assert "65.00 <= 180.0 +1 q2_deg -1 q3real_deg <= 190.0 deg (assumed)" in err
     assert "note: Geometry, sections and link masses are assumed" in err
-    assert all(word in err for word in ("casing (kg)", "bar", "crank", "1449.7", "1450.0"))
+    assert all(word in err for word in ("casing, kg", "bar", "crank", "1,450"))
 
 
 # --- calibrate ---------------------------------------------------------------------------------------------
