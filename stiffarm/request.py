@@ -222,8 +222,14 @@ def numbers_of(value: Any, name: str, allowed: str) -> tuple[float, ...]:
     except (TypeError, ValueError):
         row = np.full((1, 1), np.nan)
     if row.ndim != 1 or not np.isfinite(row).all():
-        raise InputError(name, code="A004", value=value, allowed=allowed)
+        raise InputError(name, code="A004", value=_typed(value), allowed=allowed)
     return tuple(row.tolist())
+
+
+def _typed(value: Any) -> Any:
+    """Numbers in a row as they are typed; else the value itself."""
+    is_row = isinstance(value, tuple) and all(isinstance(one, float) for one in value)
+    return _joined(value) if is_row else value
 
 
 def _split(text: str, name: str, allowed: str, example: str) -> tuple[float, ...]:
@@ -241,7 +247,9 @@ def row(*counts: int, allowed: str, example: str, zero: bool = True) -> Kind:
     def checked(value: Any, name: str) -> tuple[float, ...]:
         row = numbers_of(value, name, allowed)
         if (counts and len(row) not in counts) or not (zero or any(row)):
-            raise InputError(name, code="A004", value=value, allowed=allowed, remedy=f"write it as in {name} {example}")
+            raise InputError(
+                name, code="A004", value=_typed(value), allowed=allowed, remedy=f"write it as in {name} {example}"
+            )
         return row
 
     metavar = "X,Y,Z" if counts == (3,) else "X,Y,Z[,A,B,C]"
@@ -547,7 +555,9 @@ def _loads(value: Any, name: str) -> tuple[float, ...]:
         return ()
     loads = numbers_of(value, name, allowed) if np.size(value) else ()
     if not all(0.0 < load <= LARGEST_LOAD for load in loads):
-        raise InputError(name, code="A006", value=value, allowed=allowed, remedy="give them in N, as in 150,650")
+        raise InputError(
+            name, code="A006", value=_typed(value), allowed=allowed, remedy="give them in N, as in 150,650"
+        )
     return loads
 
 

@@ -197,7 +197,7 @@ OPTIONS = {
     ),
     "--loads not measured": Case("calibrate xr701 --scheme global --loads 150,900 --out out", ("900", "150, 375, 650")),
     "--loads text": Case("calibrate xr701 --loads heavy --out out", ("--loads: got 'heavy'", "150,650")),
-    "--loads negative": Case("calibrate xr701 --loads=-650 --out out", ("'-650'", "greater than 0 N")),
+    "--loads negative": Case("calibrate xr701 --loads=-650 --out out", ("'-650'", "above 0 N")),
     "--loads NaN": Case("calibrate xr701 --loads nan --out out", ("'nan'",)),
     "--loads infinite": Case("calibrate xr701 --loads inf --out out", ("'inf'",)),
     "--scheme": Case("calibrate xr701 --scheme local --out out", ("--scheme: got 'local'", "staged, global")),
@@ -488,7 +488,7 @@ def test_a_surrogate_that_does_not_know_what_the_map_or_a_table_moves_is_refused
     assert "q6_deg" not in outcome.err
     outcome = cli("map", "joints", "xr701", "--surrogate", "flat/surrogate.json", "--points", "2", "--out", "out")
     assert outcome.code == 2
-    assert "only one value of q5_deg, q4_deg, which the map moves" in outcome.err
+    assert all(word in outcome.err for word in ("only one value of", "'q5_deg, q4_deg'"))
     assert not (tmp_path / "out").exists()
 
 

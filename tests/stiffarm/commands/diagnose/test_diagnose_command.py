@@ -307,7 +307,7 @@ def _one_pose(text: str) -> str:
         ("backlash/model.toml", str, ("--effect", "slip.py"), ("unit 'deg' is not a unit of length", "slip.py")),
         ("backlash/model.toml", str, ("--keep-out", "0,0,0:1,1,0"), ("--keep-out", "volume")),
         ("backlash/model.toml", str, ("--floor-mm", "low"), ("--floor-mm", "none")),
-        ("backlash/model.toml", str, ("--loads", "-5"), ("--loads", "greater than 0")),
+        ("backlash/model.toml", str, ("--loads", "-5"), ("--loads", "above 0 N")),
         ("kr60-3", str, (), ("q3real_deg",)),
     ],
     ids=["one pose", "no load", "held out twice", "no such joint", "unit", "flat box", "floor", "loads", "robot"],
