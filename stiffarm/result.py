@@ -97,8 +97,8 @@ class Table:
         numbers = [name for name in made if name not in self.labels and name not in self.extra]
         return made.astype(dict.fromkeys(numbers, "float64"))
 
-    def texts(self, rows: int = SHOWN) -> tuple[list[str], list[list[str]]]:
-        """Headings and cells of the first rows for people; few rows of many quantities stand on their side."""
+    def texts(self, rows: int = SHOWN, *, turned: bool = True) -> tuple[list[str], list[list[str]]]:
+        """Headings and cells of the first rows for people; if ``turned``, few rows of many quantities on their side."""
         n = min(len(self), rows)
         names = [*(name.replace("_", " ") for name in self.labels), *(q.heading for q in self.values)]
         columns = [[_word(text) for text in texts[:n]] for texts in self.labels.values()]
@@ -111,15 +111,15 @@ class Table:
                     for cell, (low, high) in zip(cells, ends, strict=False)
                 ]
             columns.append(cells)
-        if len(self) <= TURNED < len(names):
-            return ["", *(f"{names[0]} {text}" for text in columns[0])], [
-                [name, *cells] for name, cells in zip(names[1:], columns[1:], strict=True)
-            ]
+        if turned and len(self) <= TURNED < len(names):
+            # A number needs to be told what it is of; a name speaks for itself.
+            rows = (text if text[:1].isalpha() else f"{names[0]} {text}" for text in columns[0])
+            return ["", *rows], [[name, *cells] for name, cells in zip(names[1:], columns[1:], strict=True)]
         return names, [list(row) for row in zip(*columns, strict=True)]
 
     def show(self) -> None:
-        """The table on the screen."""
-        show_table(self.caption, *self.texts(self.shown))
+        """The table on the screen, which turns it where it is too wide."""
+        show_table(self.caption, *self.texts(self.shown, turned=False))
         if len(self) > self.shown:
             say(f"({len(self) - self.shown} more rows are in the files of --out and with --json)")
 
@@ -357,7 +357,7 @@ class Result:
         if self.remarks and (remarks := page.Bullets(self.remarks)) not in there:
             sections.append(page.Section("Remarks", (remarks,)))
         sections += [replace(s, blocks=placed(s.blocks, pictures, first)) for s in self.story]
-        warnings = tuple(f"{text[:1].upper()}{text[1:].removesuffix('.')}." for text in self.warnings)
+        warnings = tuple(map(sentence, self.warnings))
         answer = page.Answer(self.how_sure, self.what_next, lead, warnings)
         page.write_page(folder, self.title, self.answer, self.key, sections, self.question, self.made_of, answer)
         return content
@@ -379,6 +379,12 @@ class Result:
             save_png(drawing.draw(), path)
             pictures.append(page.Picture(path, drawing.caption, drawing.alt))
         return content, pictures
+
+
+def sentence(text: str) -> str:
+    """A remark as a sentence; a column's name at its beginning stays as it is."""
+    text = text.removesuffix(".")
+    return f"{text}." if "_" in text.partition(" ")[0] else f"{text[:1].upper()}{text[1:]}."
 
 
 def _word(label: str | bool) -> str:

@@ -23,6 +23,7 @@ from doe.tables.columns import COMPONENTS
 from doe.tables.loaded import PointOf
 from fem.free.parameters import TURN, Parameter
 from robots.quantities import relative, significant
+from stiffarm.result import sentence
 from stiffarm.session.words.springs import bound_remark
 
 if TYPE_CHECKING:
@@ -203,7 +204,7 @@ def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
 
 def doubt_sentences(doubts: Sequence[Doubt]) -> tuple[str, ...]:
     """The words of doubts as sentences, for a page's first screen."""
-    return tuple(f"{d.words[:1].upper()}{d.words[1:]}." for d in doubts)
+    return tuple(sentence(d.words) for d in doubts)
 
 
 def unexplained_doubts(left: Unexplained) -> list[Doubt]:

@@ -32,7 +32,7 @@ from stiffarm.session.table_kinds import described
 __all__ = ["CheckRequest", "check_kinematics", "group", "robots"]
 PAYLOAD, MASS = Quantity("payload", "kg"), Quantity("mass", "kg")
 STIFFNESS = Quantity("stiffness", "N m/rad")
-CLASS = tuple(Quantity(f"class_{end}", "N m/rad", label=f"{end} of its class", digits=2) for end in ("low", "high"))
+CLASS = tuple(Quantity(f"class_{end}", "N m/rad", label=f"class, {end}", digits=2) for end in ("low", "high"))
 CASING, REST = Quantity("casing", "kg"), Quantity("rest", "kg", label="drives and the rest")
 DECLARED = Quantity("declared", "kg")
 
@@ -187,7 +187,7 @@ def _one(description: ModelDescription) -> Result:
 
 def _source(joint: Joint) -> str:
     if joint.stiffness is None:
-        return "not given (rigid)"
+        return "none, rigid"
     if isinstance(joint.stiffness, RotationalStiffness):
         return joint.stiffness.source
     return f"depends on {', '.join(joint.stiffness.inputs)}"

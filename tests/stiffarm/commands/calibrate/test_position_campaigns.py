@@ -144,7 +144,7 @@ def test_an_arm_on_a_lift_is_calibrated(six: Path, lift: Path, free: str) -> Non
 def test_an_arm_on_a_lift_is_diagnosed(six: Path, lift: Path) -> None:
     found = run_here("diagnose", six, lift, "--json")
     assert found.code == 0, found.err
-    assert found.json["left_out_rms_before_mm"] < 1.4 * SCATTER_mm
+    assert found.json["unseen_rms_before_mm"] < 1.4 * SCATTER_mm
 
 
 def test_a_fit_that_ends_worse_than_it_began_is_not_written(
