@@ -113,8 +113,8 @@ class Table:
             columns.append(cells)
         if turned and len(self) <= TURNED < len(names):
             # A number needs to be told what it is of; a name speaks for itself.
-            rows = (text if text[:1].isalpha() else f"{names[0]} {text}" for text in columns[0])
-            return ["", *rows], [[name, *cells] for name, cells in zip(names[1:], columns[1:], strict=True)]
+            heads = [text if text[:1].isalpha() else f"{names[0]} {text}" for text in columns[0]]
+            return ["", *heads], [[name, *cells] for name, cells in zip(names[1:], columns[1:], strict=True)]
         return names, [list(row) for row in zip(*columns, strict=True)]
 
     def show(self) -> None:

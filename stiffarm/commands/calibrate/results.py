@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from stiffarm.commands.calibrate import payload, tables, words
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.pages.report import Block, Bullets, Fold, KeyFigure, Note, Section, Table, Text, data_words
 from stiffarm.result import Drawing, Result
+from stiffarm.session.caution import caveats
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.words.directions import direction_words
 from stiffarm.session.words.loads import loads_words
@@ -112,6 +113,9 @@ def of_deflections(given: BuiltArm, c: Calibrated, notes: Sequence[str] = (), di
     found, estimates = c.found, [e for s in c.found.stages for e in s.certainty.estimates]
     arm = as_face(given.of(c.description, given.model.link_kind, given.model.load_path, given.own))
     last = found.stages[-1] if found.stages else None
+    sections, drawings = _illustrated(
+        [*(section for s in c.stages for section in stage_sections(c, s)), *last_sections(c)], list(_drawings(c))
+    )
     return Calibration(
         name="calibration",
         title=c.description.title.split(" (")[0],
@@ -122,10 +126,11 @@ def of_deflections(given: BuiltArm, c: Calibrated, notes: Sequence[str] = (), di
         facts=payload.facts(c),
         numbers=tables.numbers_of(c),
         tables=tables.tables_of(c),
-        drawings=tuple(_drawings(c)),
+        drawings=drawings,
         key=tuple(_key_figures(c)),
-        sections=tuple(section for s in c.stages for section in stage_sections(c, s)) + tuple(last_sections(c)),
-        warnings=tuple(Remark(one.words, code=CODES[one.code]) for one in c.doubts),
+        sections=sections,
+        warnings=(*(Remark(one.words, code=CODES[one.code]) for one in c.doubts), *filter(None, (caveats(arm),))),
+        caution="",
         remarks=(*notes, *c.remarks[len(c.doubts) :]),
         arm=arm,
         found=c,
@@ -140,6 +145,28 @@ def of_deflections(given: BuiltArm, c: Calibrated, notes: Sequence[str] = (), di
         if last is None
         else (tuple(e.parameter.name for e in last.certainty.estimates), last.certainty.covariance),
     )
+
+
+# Beginnings of the sections that pictures stand in, by picture.
+_PLACES: Final = {
+    "intervals": "What these readings can",
+    "residuals": "Outliers",
+    "checks": "Outliers",
+    "predictions": "Prediction",
+}
+
+
+def _illustrated(
+    sections: Sequence[Section], drawings: Sequence[Drawing]
+) -> tuple[tuple[Section, ...], tuple[Drawing, ...]]:
+    """Sections with their pictures, each in the first section that is its own; and the pictures that have none."""
+    left = list(drawings)
+    out = []
+    for section in sections:
+        own = [one for one in left if section.title.startswith(_PLACES.get(one.name, "\0"))]
+        left = [one for one in left if one not in own]
+        out.append(replace(section, blocks=(*section.blocks, *own)))
+    return tuple(out), tuple(left)
 
 
 def _model(c: Calibrated, folder: OutputFolder) -> dict[str, Any]:
