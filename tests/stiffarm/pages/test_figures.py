@@ -314,11 +314,11 @@ def test_a_bar_far_longer_than_the_others_is_cut_and_says_so() -> None:
 def test_what_a_spring_estimate_says() -> None:
     seen = words(springs())
     for text in (
-        "1.45 (0.94 to 3.19)",
-        "0.84 (>= 0.05)",
-        "at its bound: rigid fits best (>= 0.36)",
+        "1.45 (0.940 to 3.19)",
+        "0.840 (>= 0.0500)",
+        "at its bound: rigid fits best (>= 0.360)",
         "Not identified, so without an interval: j5.stiffness",
-        "1.5 (no spare reading)",
+        "1.50 (no spare reading)",
     ):
         assert text in seen
     # A spring at its bound (1000) must not stretch the axis: its value means nothing.

@@ -75,7 +75,7 @@ def test_the_written_model_predicts_as_the_calibration_did(cli: Command, small: 
 def test_the_report_stands_by_itself(found: Path) -> None:
     page = (found / "report.html").read_text(encoding="utf-8")
     assert re.findall(r'(?:src|href)="(?!data:image/png;base64,|#|[\w-][\w./-]*")', page) == []
-    pictures = {p.stem for p in found.glob("*.png")}
+    pictures = {p.stem for p in found.rglob("*.png")}
     assert {"stiffness_at_the_tool", "intervals", "residuals", "checks", "predictions"} <= pictures
     assert page.count("<img") == len(pictures)
     assert "Determined, with both limits: waist.stiffness, shoulder.stiffness" in page
