@@ -321,7 +321,7 @@ def _drawings(c: Positions, regions: Regions) -> tuple[Drawing, ...]:
     if known := tuple(one for one in c.curves if one.is_known):
         caption = "Line: actual minus displayed joint angle; band: 95 %. Shown only where readings identify it."
         out.append(Drawing("joint_errors", caption, "joint errors", partial(figures.curves_figure, known)))
-    caption = "Each square: all readings in a column of regions, and their number. White: not measured."
+    caption = "Each square: all readings in a column of regions, and their number. Empty: not measured."
     return (*out, Drawing("regions", caption, "regions", partial(figures.regions_figure, regions)))
 
 
