@@ -34,7 +34,7 @@ figure.savefig("calibrate_a_fanuc.png")
 whole = np.sqrt(np.mean(measured**2))
 left_out = cal.left_out_rms_mm
 print(f"Poses left out: {left_out:.3f} mm RMS, of displacements of {whole:.3f} mm RMS")
-assert cal.identified == cal.free == 6
+assert cal.facts["count"]["identified"] == cal.facts["count"]["free"] == 6
 assert 0.2 < left_out / whole < 0.5
 
 # %%

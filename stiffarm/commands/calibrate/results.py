@@ -267,7 +267,7 @@ def _stage_drawings(c: Calibrated, s: StageFindings, suffix: str) -> list[Drawin
             out += [
                 Drawing(
                     f"residuals{name}{suffix}",
-                    "Residuals; the band is twice their standard deviation, short bars across are means, diamonds outliers "
+                    "Residuals; the band is twice their standard deviation, short bars are means, diamonds outliers "
                     "(triangles: beyond the axis). A pattern over poses, loads or directions is something the model "
                     "lacks.",
                     "residuals",
