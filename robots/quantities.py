@@ -200,11 +200,6 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{round(value, places):,.{max(places, 0)}f}".replace("-", "−")
 
 
-def with_interval(value: float, low: float, high: float, digits: int = 3) -> str:
-    """A number with its interval: ``12,300 (11,900 to 12,800)``; ``digits`` of the number, three of the ends."""
-    return f"{significant(value, digits)} ({significant(low)} to {significant(high)})"
-
-
 def percent(value: float) -> str:
     """A probability: ``82 %``; never 0 % or 100 % for what is neither."""
     if 0.0 < value < 0.005:

@@ -62,6 +62,10 @@ class Kind:
     checked: Callable[[Any, str], Any] = lambda value, name: value
     text: Callable[[Any], str] = str
 
+    def of(self, text: str, name: str) -> Any:
+        """The value of a text, checked."""
+        return self.checked(self.read(text, name), name)
+
 
 @dataclass(frozen=True)
 class Option:

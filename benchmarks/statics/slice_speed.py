@@ -16,8 +16,8 @@ import numpy as np
 
 from benchmarks.asked import asked
 from stiffarm.commands.maps.request import SliceRequest
+from stiffarm.request import FRAME
 from stiffarm.session.inputs import read_model
-from stiffarm.session.parsing import parse_frame
 from surrogate.maps import self_motion
 from surrogate.maps.layouts import points_of
 from surrogate.maps.poses import Extreme, shortfall
@@ -57,7 +57,7 @@ has three free motions instead of two, and more local optima.
 
 def row(robot: str, options: dict[str, str], before: float) -> str:
     given = read_model(robot, None, None)
-    tool = parse_frame(options["--tool"], "--tool") if "--tool" in options else None
+    tool = FRAME.of(options["--tool"], "--tool") if "--tool" in options else None
     pose, best_by = options.get("--pose", "stiffest"), options.get("--best-by", "stiffness")
     engine = SliceRequest(values=("stiffness",), pose=pose, best_by=best_by, tool=tool).engine(given)
     rule, arm, points = engine.rule, engine.arm, points_of(engine.grid)

@@ -11,14 +11,12 @@ import numpy as np
 
 from robots import InputError, Robot
 from robots.arrays import Array
-from robots.errors import raise_any, twice
-from robots.frames import frame_mm_deg, rpy_of
+from robots.frames import rpy_of
 
 if TYPE_CHECKING:
     from doe.absolute.readings import Payload
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
-DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 # Far above any load; beyond about 1e150 squares overflow.
 LARGEST_LOAD = 1e9
 FRAME_FORM = "x,y,z in mm, or x,y,z,a,b,c with a, b, c in deg about the fixed axes x, then y, then z"
@@ -70,72 +68,6 @@ def parse_numbers(text: str, between: str = ",") -> tuple[float, ...] | None:
     return values if all(map(math.isfinite, values)) else None
 
 
-def parse_names(text: str | None, allowed: tuple[str, ...] | None, option: str) -> tuple[str, ...] | None:
-    """Names between commas, each once, or None; ``allowed``: those that are known, None where others check that."""
-    if text is None:
-        return None
-    names = tuple(part.strip() for part in text.split(",") if part.strip())
-    known = None if allowed is None else ", ".join(allowed)
-    for name in names:
-        if allowed is not None and name not in allowed:
-            raise InputError(
-                option, code="A001", value=name, allowed=known, remedy="choose from these, separated by commas"
-            )
-    if not names or twice(names):
-        raise InputError(
-            option, code="A001", value=text, allowed=known, remedy="name at least one, each once, separated by commas"
-        )
-    return names
-
-
-def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, float]:
-    """Read ``name=value,name=value`` with known names and finite numbers; all faults at once."""
-    out: dict[str, float] = {}
-    faults = []
-    if "=" not in text:
-        some = ",".join(f"{name}={value.strip() or 0}" for name, value in zip(allowed, text.split(","), strict=False))
-        raise InputError(
-            option, code="A004", value=text, allowed="name=value pairs separated by commas", remedy=f"write {some}"
-        )
-    for item in text.split(","):
-        name, _, number = (part.strip() for part in item.partition("="))
-        if name not in allowed:
-            faults.append(
-                InputError(
-                    f"{option}: name",
-                    code="A004",
-                    value=name,
-                    allowed=", ".join(allowed),
-                    remedy=f"write name=value pairs separated by commas, as in {allowed[0]}=5",
-                )
-            )
-            continue
-        try:
-            value = float(number)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            faults.append(
-                InputError(
-                    f"{option}: {name}",
-                    code="A004",
-                    value=number,
-                    allowed="a finite number",
-                    remedy=f"write it with a decimal point and without a unit, as in {name}=5",
-                )
-            )
-        elif name in out:
-            faults.append(
-                InputError(
-                    f"{option}: {name} is given twice", code="A004", allowed="each name once", remedy="remove one"
-                )
-            )
-        else:
-            out[name] = value
-    raise_any(option, faults)
-    return out
-
-
 def parse_settings(texts: Sequence[str], option: str) -> dict[str, str]:
     """Read ``name=value`` texts, each name once; what names and values may be, the model says."""
     out: dict[str, str] = {}
@@ -152,23 +84,6 @@ def parse_settings(texts: Sequence[str], option: str) -> dict[str, str]:
             )
         out[name] = value
     return out
-
-
-def parse_pose(robot: Robot, text: str) -> Array:
-    """One pose (dof,) rad from ``q2_deg=5,q3real_deg=77.5``; the rest is 0. Limits are checked.
-
-    The controller's angles may be given instead, all that are not 0 of them.
-    """
-    values = parse_pairs(text, "--pose", robot.angle_names)
-    q = angles_of(robot, values, "--pose")
-    wrong = robot.violations(q)
-    if wrong:
-        raise InputError(
-            f"--pose {text}: {robot.name} cannot take it: {'; '.join(wrong)}",
-            code="A005",
-            remedy="keep the ranges named (a coordinate that is not given stands at 0)",
-        )
-    return np.asarray(q)
 
 
 def angles_of(robot: Robot, values: Mapping[str, float], option: str) -> Array:
@@ -188,62 +103,6 @@ def angles_of(robot: Robot, values: Mapping[str, float], option: str) -> Array:
     return np.asarray(robot.controller.model(np.radians([[values.get(name, 0.0) for name in shown]]))[0])
 
 
-def parse_loads(text: str | None) -> tuple[float, ...] | None:
-    """``--loads 150,650`` or ``--loads all`` (an empty tuple), or None if not given."""
-    if text is None:
-        return None
-    if text.strip() == "all":
-        return ()
-    loads = parse_numbers(text)
-    if loads is None or not all(0.0 < v <= LARGEST_LOAD for v in loads):
-        raise InputError(
-            "--loads",
-            code="A006",
-            value=text,
-            allowed="'all', or force magnitudes greater than 0 N",
-            remedy="separate them by commas, as in 150,650",
-        )
-    return loads
-
-
-def parse_vector(text: str, option: str, unit: str) -> Array:
-    """Three finite numbers (3,), not all zero.
-
-    Raises
-    ------
-    InputError
-        Anything else.
-    """
-    values = parse_numbers(text)
-    if values is None or len(values) != 3 or not any(values):
-        allowed = f"three finite numbers x,y,z, not all zero: {unit}"
-        raise InputError(option, code="A004", value=text, allowed=allowed, remedy=f"write it as in {option} 0,0,1")
-    return np.array(values)
-
-
-def parse_direction(text: str, option: str = "--direction") -> tuple[float, float, float]:
-    """A direction in base axes from ``0,0,-1``; its length does not matter."""
-    vector = parse_vector(text, option, "a direction in base axes")
-    x, y, z = (vector / np.abs(vector).max()).tolist()  # so that no square overflows later
-    return x, y, z
-
-
-def parse_frame(text: str, option: str) -> Array:
-    """A frame (4, 4), m, from :data:`FRAME_FORM`.
-
-    Raises
-    ------
-    InputError
-        Neither three nor six finite numbers.
-    """
-    values = parse_numbers(text)
-    if values is None or len(values) not in (3, 6):
-        raise InputError(
-            option, code="A004", value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0"
-        )
-    return frame_mm_deg(values)
-
-
 def tool_words(T: Array) -> str:
     """Tool frames on the flange in words: (4, 4) m, or (n, 4, 4) where tools are changed, each in its order."""
     if T.ndim == 2:
@@ -257,34 +116,9 @@ def frame_words(T: Array) -> str:
     return ", ".join(f"{v:.6g}" for v in xyz) + " mm; " + ", ".join(f"{v + 0.0:.6g}" for v in turn.round(9)) + " deg"
 
 
-def parse_joint_figures(robot: Robot, text: str, option: str) -> Array:
-    """Positive numbers (dof,), one for all joints or one each.
-
-    Raises
-    ------
-    InputError
-        Another count, or a number that is not positive.
-    """
-    values = parse_numbers(text)
-    if values is None or len(values) not in (1, robot.dof) or not all(v > 0.0 for v in values):
-        raise InputError(
-            option,
-            code="A004",
-            value=text,
-            allowed=f"one number above 0, or {robot.dof} separated by commas",
-            remedy="correct it",
-        )
-    return np.broadcast_to(np.array(values), (robot.dof,)).copy()
-
-
 # What a flange carries at most.
 HEAVIEST_kg: Final = 5000.0
 WIDEST_mm: Final = 5000.0
-
-
-def parse_payload(text: str) -> Payload:
-    """Mass and centre in the flange frame, mm; errors as :func:`payload_of`."""
-    return payload_of(parse_numbers(text) or (-1.0,))
 
 
 def payload_of(values: Sequence[float]) -> Payload:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -206,8 +205,3 @@ def compliance_over(arm: ArmModel, placed: PlacedEffect, v: Array, q: Array, c: 
     n = len(q)
     bench: Any = _Bench(np.ones(n), np.full(n, c), plain_history(n), np.zeros((n, 1)), SimpleNamespace(q=q))
     return np.asarray(c + placed.effect.law(None, bench, v)[:, 0])
-
-
-def curves_of(state: State, given: int) -> Sequence[LawCurve | None]:
-    """Curves of the effects found, those after the first ``given``; None for what is no law of one joint."""
-    return [curve_of(state, k) for k in range(given, len(state.setting.accepted))]

@@ -20,7 +20,6 @@ from robots.quantities import Quantity, length, rounded
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.result import Number, Table
-from stiffarm.session.console import say
 
 VALUE, BEFORE = Quantity("value", label="value", digits=3), Quantity("before", label="the model had", digits=3)
 SPRING: Final = Quantity("stiffness", "N m/rad", digits=3)
@@ -221,12 +220,3 @@ def held_out(h: Holdout) -> Table:
     expected = [float(np.sqrt(np.mean(h.expected[m] ** 2))) if m.any() else np.nan for m in of]
     values = {RMS: 1e-3 * np.array(rms), EXPECTED: np.array(expected)}
     return Table("held_out", f"Poses held out ({h.data.source})", {"pose": list(p.poses)}, values)
-
-
-def show_answer(c: Calibrated) -> None:
-    """Parameters, and how good the result fits and predicts: what other commands say of it."""
-    if c.found.stages:
-        parameters(c).show()
-    say(words.errors_text(c))
-    if c.coverage.readings:
-        say(words.coverage_text(c.coverage, "poses left out"))

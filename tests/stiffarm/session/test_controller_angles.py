@@ -16,7 +16,7 @@ from fem.effects.frames import frame_effects
 from machining.programs.convention import convention_for
 from robots import InputError, ModelDescription, Robot, content_hash, load_description
 from robots.robot import robot_from
-from stiffarm.session.parsing import parse_pose
+from stiffarm.request import POSE, pose_of
 
 KR60_HASH = "8932e082dc0c74941d6e03bcec3e13dff00cbc996419c55ee931f689737f8738"
 AXES = [f"J{i}_deg" for i in range(1, 7)]
@@ -66,10 +66,14 @@ def test_a_sheet_shows_both_and_comes_back_the_same(tmp_path: Path) -> None:
 
 def test_a_pose_is_given_in_one_of_the_two() -> None:
     robot = robot_with(FANUC)
-    np.testing.assert_allclose(np.degrees(parse_pose(robot, "J2_deg=-80,J3_deg=90"))[1:3], [-80, 10])
-    np.testing.assert_allclose(np.degrees(parse_pose(robot, "q2_deg=-80,q3_deg=10"))[1:3], [-80, 10])
+    np.testing.assert_allclose(
+        np.degrees(pose_of(robot, POSE.of("J2_deg=-80,J3_deg=90", "--pose"), "--pose"))[1:3], [-80, 10]
+    )
+    np.testing.assert_allclose(
+        np.degrees(pose_of(robot, POSE.of("q2_deg=-80,q3_deg=10", "--pose"), "--pose"))[1:3], [-80, 10]
+    )
     with pytest.raises(InputError, match="beside"):
-        parse_pose(robot, "J2_deg=-80,q3_deg=10")
+        pose_of(robot, POSE.of("J2_deg=-80,q3_deg=10", "--pose"), "--pose")
 
 
 def test_a_parallelograms_motor_turns_the_forearm_against_the_carousel() -> None:

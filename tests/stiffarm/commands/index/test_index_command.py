@@ -15,7 +15,8 @@ from machining import INDICES, evaluate, translational
 from robots import load_description
 from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
 from stiffarm.path_request import GAMMA
-from stiffarm.session.parsing import frame_words, parse_frame
+from stiffarm.request import FRAME
+from stiffarm.session.parsing import frame_words
 from stiffarm.session.task_options import gammas_of
 
 POSE = "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40"
@@ -108,14 +109,14 @@ def test_bad_input_is_named(cli: Command, arguments: tuple[str, ...], words: str
 
 
 def test_frames_read_as_written() -> None:
-    T = parse_frame("10,20,30,90,0,90", "--tool")
+    T = FRAME.of("10,20,30,90,0,90", "--tool")
     # About x by 90 deg, then about the fixed z by 90 deg: y -> z, and x -> y.
     np.testing.assert_allclose(T[:3, :3] @ [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], atol=1e-15)
     np.testing.assert_allclose(T[:3, :3] @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(T[:3, 3], [0.01, 0.02, 0.03])
     assert frame_words(T) == "10, 20, 30 mm; 90, 0, 90 deg"
-    back = parse_frame(frame_words(parse_frame(TOOL, "--tool")).replace(" mm; ", ",").replace(" deg", ""), "--tool")
-    np.testing.assert_allclose(back, parse_frame(TOOL, "--tool"), atol=1e-9)
+    back = FRAME.of(frame_words(FRAME.of(TOOL, "--tool")).replace(" mm; ", ",").replace(" deg", ""), "--tool")
+    np.testing.assert_allclose(back, FRAME.of(TOOL, "--tool"), atol=1e-9)
 
 
 @pytest.mark.parametrize(("text", "count"), [("-180:180:5", 72), ("0:90:5", 19), ("0:10:10", 2)])

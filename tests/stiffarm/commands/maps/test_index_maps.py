@@ -21,7 +21,7 @@ from machining.stiffness.distribution import best_gamma, distribution
 from machining.stiffness.grid import in_box
 from robots import InputError
 from stiffarm.commands.maps.index.request import REGION, IndexMapRequest
-from stiffarm.session.parsing import parse_frame
+from stiffarm.request import FRAME
 from stiffarm.session.task_options import parse_range, values_of
 from surrogate.maps.blocks import Engine
 from surrogate.maps.layouts import own_points, plane_or_box
@@ -77,7 +77,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
 def test_all_figures_are_those_of_the_library(made: tuple[Path, Any]) -> None:
     out, content = made
     model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
-    tool, part = parse_frame("200,0,80,0,90,0", "--tool"), parse_frame("0,0,100,0,0,10", "--part")
+    tool, part = FRAME.of("200,0,80,0,90,0", "--tool"), FRAME.of("0,0,100,0,0,10", "--part")
     grid = plane_or_box(np.arange(-300.0, 610.0, 150.0), np.arange(600.0, 1210.0, 150.0), 486.0, part)
     # The part is turned about base z: its normal is base z.
     gamma = np.radians(np.arange(-180.0, 180.0, 60.0))
@@ -176,7 +176,7 @@ def test_the_files_are_those_of_all_maps(cli: Command, tmp_path: Path) -> None:
     table = pd.read_csv(tmp_path / "out" / "index_map.csv")
     model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
     q = np.radians(table.filter(regex="^q").to_numpy())
-    tool = parse_frame("200,0,80,0,90,0", "--tool")
+    tool = FRAME.of("200,0,80,0,90,0", "--tool")
     k = stiffness_index(model, q, [0.0, 0.0, 1.0], tool[:3, 3])
     np.testing.assert_allclose(1e-3 * k, table["best_k_fs_N_per_mm"], rtol=1e-7)
     tips = robots.tool_position(model.robot, robots.forward_kinematics(model.robot, q), tool[:3, 3])

@@ -14,7 +14,7 @@ import fem
 from machining import stiffness_index
 from machining.cell import arm_of, clearance, read_cell, scene_of
 from robots import forward_kinematics, load_description
-from stiffarm.session.parsing import parse_frame
+from stiffarm.request import FRAME
 
 TOOL, PART = "200,0,80,0,90,0", "1200,200,600"
 SPEED = "128,102,128,260,245,322"
@@ -73,7 +73,7 @@ def test_the_table_holds_a_course_that_can_be_driven(cli: Command, dome: Path, t
     model = fem.build_model(load_description("kr60-3"), links="rigid")
     q = np.radians([[float(row[name]) for name in model.robot.coordinates] for row in rows])
     table = np.loadtxt(dome, delimiter=",", skiprows=1)
-    T = parse_frame(TOOL, "--tool")
+    T = FRAME.of(TOOL, "--tool")
     frames = forward_kinematics(model.robot, q)
     tip = frames.p_flange + frames.R_flange @ T[:3, 3]
     # Angles are written with ten digits: 1e-7 deg on two metres.

@@ -24,7 +24,7 @@ from robots import InputError, forward_kinematics, load_description
 from robots.arrays import Array
 from robots.library.models import to_toml
 from robots.schema.quantities import RotationalStiffness
-from stiffarm.session.parsing import parse_frame
+from stiffarm.request import FRAME
 
 pytestmark = pytest.mark.usefixtures("blank")
 
@@ -122,7 +122,7 @@ def drawn_arms(file: Path, rng: np.random.Generator, q: Array) -> Array:
     c = rng.multivariate_normal(table["estimate"], V, DRAWS)
     bare = fem.build_model(load_description("kr60-3"), "rigid")
     joints = [name.removesuffix(".stiffness") for name in table["parameters"]]
-    tip = parse_frame(TOOL, "--tool")[:3, 3]
+    tip = FRAME.of(TOOL, "--tool")[:3, 3]
     # Deflection is linear in compliances: one arm for each spring alone.
     alone = [
         fem.deflection(bare.with_springs({j: 1.0 if j == joint else np.inf for j in joints}), q, np.r_[F, 0, 0, 0], tip)
@@ -145,7 +145,7 @@ def test_the_error_s_interval_is_that_of_arms_drawn_from_the_file(
     model = fem.build_model(description, "rigid")
     arm = calibrated_uncertainty(model, description)
     assert arm is not None
-    task = Task(read_path(wall), parse_frame(TOOL, "--tool"), parse_frame(PART, "--part"), np.array([0.0, 1.0, 0.0]))
+    task = Task(read_path(wall), FRAME.of(TOOL, "--tool"), FRAME.of(PART, "--part"), np.array([0.0, 1.0, 0.0]))
     error = surface_error(model, task, q, ConstantForce(F, relative_sd=0.0), stiffness=arm)
     np.testing.assert_allclose(error.sd, drawn.std(axis=0), rtol=WITHIN)
     np.testing.assert_allclose(error.normal, drawn.mean(axis=0), rtol=0, atol=4.0 * error.sd.max() / DRAWS**0.5)
@@ -185,7 +185,7 @@ def test_mean_stiffness_and_gain_have_intervals_of_drawn_arms(
     V = np.array(table.covariance) * np.outer(wider, wider)
     c = np.maximum(np.random.default_rng(3).multivariate_normal(table.estimate, V, DRAWS), 0.0)
     bare, joints = fem.build_model(description, "rigid"), list(TRUTH)
-    tip = parse_frame(TOOL, "--tool")[:3, 3]
+    tip = FRAME.of(TOOL, "--tool")[:3, 3]
     push = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     alone = [
         fem.deflection(bare.with_springs({j: 1.0 if j == joint else np.inf for j in joints}), q, push, tip)[:, 1]
@@ -214,7 +214,7 @@ def test_what_the_calibration_left_open_is_said(wall: Path, tmp_path: Path) -> N
     # Unseen, it may be any stiffness: as far as rigid the error changes by what joint 6 alone gives way.
     description = load_description(tmp_path / "calibration" / "model.toml")
     arm = fem.build_model(description, "rigid")
-    task = Task(read_path(wall), parse_frame(TOOL, "--tool"), parse_frame(PART, "--part"), np.array([0.0, 1.0, 0.0]))
+    task = Task(read_path(wall), FRAME.of(TOOL, "--tool"), FRAME.of(PART, "--part"), np.array([0.0, 1.0, 0.0]))
     error = surface_error(arm, task, q, ConstantForce(F), stiffness=calibrated_uncertainty(arm, description))
     rigid = arm.with_springs({"j6": np.inf})
     by_j6 = [(fem.deflection(m, q, np.r_[F, 0, 0, 0], task.tip)[:, 1]) for m in (arm, rigid)]
