@@ -44,7 +44,7 @@ from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
 from stiffarm.session.json_text import share
 from stiffarm.session.readings import read_tables
-from stiffarm.session.zones import FLOOR, parse_zone
+from stiffarm.session.zones import zone_of
 
 STEPS, EACH = 3, 3
 WAYS = ("proposed", "random")
@@ -106,7 +106,7 @@ def diagnosed(given: Arm, tables: Sequence[Path], next_poses: int) -> Diagnosed:
 def looped(one: StudySet, given: Arm, first: Diagnosed, way: str, steps: int, folder: Path) -> list[dict[str, Any]]:
     """Where a set stands after each visit, until something is named or there is nothing to measure."""
     out, d, tables = [judged(one, given, first)], first, [one.readings]
-    zone = parse_zone(given.description, FLOOR, (), None)
+    zone = zone_of(given.description, 0.0, (), None)
     while d.found.verdict != "named" and len(out) <= steps and first.proposal is not None:
         visit = len(out)
         n = d.proposal if way == "proposed" else first.proposal
