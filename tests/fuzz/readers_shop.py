@@ -40,7 +40,8 @@ from .registry import Reader
 from .samples import Sample
 from .trial import ROOT, require, require_finite
 
-sys.path.append(str(ROOT / "tests" / "machining"))  # the programs that the tests of the shop floor share
+# The programs that the tests of the shop floor share, and what these share with other tests.
+sys.path += [str(ROOT / "tests" / "machining"), str(ROOT / "tests")]
 from program_cases import PLAIN, busy, program_of
 
 SAMPLES = ROOT / "tests" / "machining" / "toolpath_samples"
