@@ -25,10 +25,15 @@ def readable(_app: object, _what: str, _name: str, _value: object, _options: obj
 
 
 def short(
-    _app: object, _what: str, _name: str, _value: object, _options: object, signature: str | None, returns: str | None
+    _app: object, _what: str, name: str, _value: object, _options: object, signature: str | None, returns: str | None
 ) -> tuple[str | None, str | None]:
     """Signatures without what Python puts around the names of types and around computed defaults."""
-    return in_brief(signature), in_brief(returns)
+    brief = in_brief(signature), in_brief(returns)
+    if not name.startswith("stiffarm."):
+        return brief
+    # The package `surrogate` has a class of that name, too.
+    own = (text and re.sub(r"(?<![\w.])Surrogate\b", "stiffarm.Surrogate", text) for text in brief)
+    return next(own), next(own)
 
 
 def in_brief(text: str | None) -> str | None:
