@@ -559,9 +559,8 @@ def _loads(value: Any, name: str) -> tuple[float, ...]:
         return ()
     loads = numbers_of(value, name, allowed) if np.size(value) else ()
     if not all(0.0 < load <= LARGEST_LOAD for load in loads):
-        raise InputError(
-            name, code="A006", value=_typed(value), allowed=allowed, remedy="give them in N, as in 150,650"
-        )
+        remedy = "write it as in 150,650"
+        raise InputError(name, code="A006", value=_typed(value), allowed=allowed, remedy=remedy)
     return loads
 
 
@@ -577,9 +576,8 @@ def _box(value: Any, name: str) -> tuple[float, ...]:
     allowed = "two opposite corners x0,y0,z0,x1,y1,z1 of a box with a volume, in mm"
     row = numbers_of(value, name, allowed)
     if len(row) != 6 or any(a == b for a, b in zip(row[:3], row[3:], strict=True)):
-        raise InputError(
-            name, code="A004", value=value, allowed=allowed, remedy=f"as in {name} 500,-800,0:1500,800,900"
-        )
+        remedy = f"write it as in {name} 500,-800,0:1500,800,900"
+        raise InputError(name, code="A004", value=_typed(value), allowed=allowed, remedy=remedy)
     return row
 
 
