@@ -365,7 +365,6 @@ class Result:
     def write_files(self, folder: OutputFolder) -> tuple[dict[str, Any], list[page.Picture]]:
         """All but the page, which has its pictures; the first table is named as the result, unless a file is so."""
         from stiffarm.pages import report as page
-        from stiffarm.pages.style import save_png
 
         further = {} if self.more is None else self.more(folder)
         content = {**self.as_json, **further}
@@ -375,6 +374,9 @@ class Result:
             folder.write_parts(f"{table.name if own else self.name}.csv", columns_parts(table.columns()))
         pictures = []
         for drawing in self.drawings:
+            # A result without pictures loads nothing that draws.
+            from stiffarm.pages.style import save_png
+
             path = folder.path(f"{drawing.name}.png")
             save_png(drawing.draw(), path)
             pictures.append(page.Picture(path, drawing.caption, drawing.alt))

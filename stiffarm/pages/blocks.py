@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from stiffarm.pages.report import Block, Fold, Later, Picture
-from stiffarm.pages.style import save_png
 from stiffarm.session.outputs import OutputFolder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Pictures:
@@ -20,6 +21,8 @@ class Pictures:
 
     def add(self, figure: Figure, name: str, caption: str, alt: str = "") -> Picture:
         """Save a figure under ``figures/`` and return it with its caption; ``alt``: what it is, else its name."""
+        from stiffarm.pages.style import save_png
+
         path = self.folder.path(f"figures/{self.before}{name}.png")
         save_png(figure, path)
         return Picture(path, caption, alt or name.replace("_", " "))

@@ -21,7 +21,6 @@ from robots.progress import Progress
 from robots.quantities import Quantity, percent, rounded, significant
 from stiffarm.capability import capability
 from stiffarm.commands.maps.files import CSV_UP_TO, DRAWN_UP_TO, write_arrays, write_table
-from stiffarm.commands.maps.index.answer import index_map
 from stiffarm.commands.maps.index.request import IndexMapRequest
 from stiffarm.commands.maps.joints import JointsRequest
 from stiffarm.commands.maps.request import (
@@ -343,6 +342,9 @@ def _out_of_reach(given: Arm, asked: ArmMapRequest, grid: Layout) -> InputError:
 def index_answer(given: Arm, asked: IndexMapRequest) -> Result:
     """The index at every gamma, and the best gamma."""
     arm = asked.stated(given)
+    # What an index needs is not loaded with the other maps.
+    from stiffarm.commands.maps.index.answer import index_map
+
     with progress("map points") as bar:
         return index_map(arm, asked, *evaluated(arm, asked, bar))
 

@@ -6,27 +6,32 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from fem.arm import Arm
 from robots import ModelDescription, Robot, require_positive
 from robots.arrays import Array
 from robots.frames import rpy_of
 from robots.joint_errors import designed
-from robots.pendant.check import PendantCheck, check_pendant
-from robots.pendant.explanations import Explanation
-from robots.pendant.slips import Slip
 from robots.quantities import angle, length, rounded, significant
 from robots.robot import robot_from
 from stiffarm.capability import capability_without_arm
-from stiffarm.commands.robots.pendant_table import read_pendant
 from stiffarm.pages.report import KeyFigure, Section, Text
 from stiffarm.request import READINGS, TEXT, Request, argument, option
 from stiffarm.result import Drawing, Result, Table
 from stiffarm.session.table_kinds import described
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fem.arm import Arm
+    from robots.pendant.check import PendantCheck
+    from robots.pendant.explanations import Explanation
+    from robots.pendant.slips import Slip
+else:
+    # The list of robots is made by this module's neighbour and needs no mechanics.
+    Arm = Any
 
 # Explanations that are written out.
 MOST_TOLD: Final = 4
@@ -108,9 +113,12 @@ def _named_first(facts: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def answer(asked: CheckRequest) -> KinematicsCheck:
     """Compare, and name what is wrong."""
-    given = asked.model.description if isinstance(asked.model, Arm) else described(str(asked.model))
+    given = described(str(asked.model)) if isinstance(asked.model, str | Path) else asked.model.description
     description, name = designed(given), asked.model if isinstance(asked.model, str) else given.name
     robot = robot_from(description)
+    from robots.pendant.check import check_pendant
+    from stiffarm.commands.robots.pendant_table import read_pendant
+
     readings, convention, remarks = read_pendant(Path(asked.pendant), robot, str(name))
     found = check_pendant(robot, readings, 1e-3 * asked.tolerance_mm)
     facts = _facts(description, robot, found, convention)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import typer
 from typer.core import TyperGroup
 
 from doe import bundled_data
-from fem.arm import Arm
-from meshes import robot_masses
 from robots import InputError, ModelDescription, Robot, bundled_names, load_description
 from robots.arm_class import arm_class
 from robots.joint_errors import designed
@@ -24,10 +22,15 @@ from robots.schema.description import Joint
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.capability import capability_without_arm
 from stiffarm.commands.robots.check import CheckRequest, check_kinematics
-from stiffarm.commands.robots.pose import of_pose
 from stiffarm.request import POSE, TEXT, ByName, Request, argument, option, pose_of
 from stiffarm.result import Result, Table
 from stiffarm.session.table_kinds import described
+
+if TYPE_CHECKING:
+    from fem.arm import Arm
+else:
+    # The list needs no mechanics.
+    Arm = Any
 
 __all__ = ["CheckRequest", "check_kinematics", "group", "robots"]
 PAYLOAD, MASS = Quantity("payload", "kg"), Quantity("mass", "kg")
@@ -93,11 +96,13 @@ def answer(asked: RobotsRequest) -> Result:
     """All robots, one of them, or where its tool is."""
     if asked.name is None:
         return _list()
-    description = asked.name.description if isinstance(asked.name, Arm) else described(str(asked.name))
+    description = described(str(asked.name)) if isinstance(asked.name, str | Path) else asked.name.description
     if asked.pose is None:
         return _one(description)
     description = designed(description)
     robot = robot_from(description)
+    from stiffarm.commands.robots.pose import of_pose
+
     return of_pose(description, robot, pose_of(robot, asked.pose, "--pose"))
 
 
@@ -213,6 +218,8 @@ def _couplings(description: ModelDescription) -> list[str]:
 
 def _masses(description: ModelDescription, robot: Robot) -> tuple[tuple[Table, ...], tuple[str, ...]]:
     """Masses of casings and what the file declares, up to the robot's own mass; and what cannot be."""
+    from meshes import robot_masses
+
     masses = robot_masses(description, robot)
     rows: list[tuple[str, float | None, float | None, float | None]]
     rows = [(link.name, link.casing.kg, link.rest_kg, link.declared_kg) for link in masses.links]

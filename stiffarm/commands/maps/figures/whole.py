@@ -25,7 +25,7 @@ _CAPTIONS = {
     "": "{}: one plane, or several of a box or a cylinder.",
     "_surfaces": "{}: where it has the same value, cut open towards the viewer.",
     "_oblique": "{} at the tool positions of the sweep; points on the viewer's side of the robot's plane are left out.",
-    "_side": "{}, seen along y.",
+    "_side": "{} at the tool positions of the sweep, seen along y onto the XZ plane.",
     "_effects": "{}: least, mean and largest at each value of a swept coordinate.",
 }
 # Fields that are for programs, or say the same as another: no picture of each.
