@@ -58,7 +58,6 @@ class Table:
     in_files: Mapping[Quantity, Array] = field(default_factory=dict)
     extra: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     folded: bool = False
-    csv_only: bool = False
     is_extract: bool = False
     shown: int = SHOWN
     only_in: Literal["", "files", "csv"] = ""

@@ -40,10 +40,10 @@ from rehearsal.scoring import Share
 from robots import InputError
 from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.commands.diagnose.step import Diagnosed, diagnose
+from stiffarm.request import readings_asked
 from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
 from stiffarm.session.json_text import share
-from stiffarm.session.readings import read_tables
 from stiffarm.session.zones import zone_of
 
 STEPS, EACH = 3, 3
@@ -99,7 +99,7 @@ def filled(one: StudySet, given: Arm, n: NextReadings, visit: int, path: Path) -
 def diagnosed(given: Arm, tables: Sequence[Path], next_poses: int) -> Diagnosed:
     """The diagnosis of all tables together, nothing printed."""
     with kept_messages():
-        table, _ = read_tables(given, tables)
+        table = readings_asked(given, tables)
         return diagnose(given, table, DiagnoseRequest(next_poses=next_poses, folds=0))
 
 

@@ -34,10 +34,10 @@ from rehearsal.scoring import Share
 from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.commands.diagnose.result import result_of
 from stiffarm.commands.diagnose.step import Diagnosed, diagnose
+from stiffarm.request import readings_asked
 from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
 from stiffarm.session.json_text import share
-from stiffarm.session.readings import read_tables
 
 PATH, SURE = "load-path", 0.8
 Outcome = dict[str, Any]
@@ -46,7 +46,7 @@ Outcome = dict[str, Any]
 def diagnosed(given: Arm, tables: Sequence[Path]) -> Diagnosed:
     """As `stiffarm diagnose` does by default, without what moves no verdict: further set-ups and folds."""
     with kept_messages():
-        table, _ = read_tables(given, tables)
+        table = readings_asked(given, tables)
         return diagnose(given, table, DiagnoseRequest(next_poses=0, folds=0))
 
 

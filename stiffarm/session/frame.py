@@ -26,7 +26,6 @@ from stiffarm.session.console import emit_json, say, user_errors
 from stiffarm.session.outputs import OutputFolder
 
 if TYPE_CHECKING:
-    from doe import Measurements
     from fem.arm import Arm
     from robots.arrays import Array
 
@@ -102,24 +101,6 @@ class Frame:
         self.caution = caveats(given)
         return given
 
-    def readings(
-        self, given: Arm, data: Path | Sequence[Path] | None = None, *, confirm_units: bool = False
-    ) -> Measurements:
-        """One or more measurement tables as one, checked, with their remarks said; none: the bundled one."""
-        from stiffarm.session.readings import read_tables
-
-        files = (data,) if isinstance(data, Path) else tuple(data or ())
-        table, hashes = read_tables(given, files, confirm_units=confirm_units, model=self.named)
-        self.files |= hashes
-        return table
-
-    def held_out(self, given: Arm, file: Path | None, *, confirm_units: bool = False) -> Measurements | None:
-        """The table of ``--holdout``, checked as any other, with its remarks said; None where none was given."""
-        from stiffarm.session.reading_checks import read_held_out
-
-        self.reads(holdout=file)
-        return None if file is None else read_held_out(given, file, confirm_units=confirm_units, model=self.named)
-
     def reads(self, **files: Path | None) -> None:
         """Files of options, by the option's name: they must exist, and their hashes go into run.json."""
         for name, file in files.items():
@@ -146,10 +127,6 @@ class Frame:
     def folder_if(self, seed: int | None = None) -> AbstractContextManager[OutputFolder | None]:
         """The folder of ``--out``, or None where that was not given."""
         return nullcontext() if self.out is None else self.folder(seed)
-
-    def timed(self, step: str) -> AbstractContextManager[None]:
-        """Record how long a step took, for run.json."""
-        return nullcontext() if self._folder is None else self._folder.timed(step)
 
     def answer(self, content: Mapping[str, Any], show: Callable[[], None] = lambda: None) -> None:
         """Say what was found: as JSON on stdout, or to people by ``show``; and which files were written."""

@@ -6,11 +6,10 @@ And what a table does not say that effects ask for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from doe import Measurements, read_measurements
+from doe import Measurements
 from doe.certainty.doubts import Doubt
 from doe.estimation.problem import problem
 from doe.plausibility.passive_arm import refuse_frozen, refuse_telling_nothing
@@ -22,7 +21,6 @@ from fem.effects import History, PlacedEffect
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
 from stiffarm.session.console import say
-from stiffarm.session.table_kinds import DEFLECTIONS, expect
 
 FEWEST, LISTED = 3, 10
 # A reading against its load by less than this (m/N) is noise about zero; arms give 20 times as much and more.
@@ -68,16 +66,6 @@ def refuse_useless(given: Arm, table: Measurements, used: Measurements, history:
     p = problem(given.model, used, (), history=history)
     refuse_frozen(given.model, table, p if used is table else None)
     refuse_telling_nothing(p, used.source)
-
-
-def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False, model: str = "MODEL") -> Measurements:
-    """Read a table held out, with remarks and checks as any other."""
-    expect(file, DEFLECTIONS, model=model)
-    data = read_measurements(file, given.robot)
-    for note in data.notes:
-        say(f"note: {data.source}: {note}")
-    check_readings(given, data, confirm_units=confirm_units)
-    return data
 
 
 def refuse_against_load(data: Measurements) -> None:

@@ -2,38 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from doe import Campaign, Measurements, bundled_campaign, bundled_data, load_campaign, read_measurements
-from doe.tables.joined import join
-from fem.arm import Arm
 from robots import InputError, Robot
-from stiffarm.session.console import say_notes
-from stiffarm.session.reading_checks import check_readings
-from stiffarm.session.table_kinds import DEFLECTIONS, expect
 
 # Stands for the robot's own table among several; a table's name ends in .csv or .xlsx.
 BUNDLED = "bundled"
-
-
-def read_tables(
-    given: Arm, data: Sequence[Path], *, confirm_units: bool = False, model: str = "MODEL"
-) -> tuple[Measurements, dict[str, Path | str]]:
-    """One or more measurement tables as one, each checked by itself, and their hashes; none: the bundled one.
-
-    ``model``: its name in what is said of a table that another command takes.
-    """
-    named = [None if str(file) == BUNDLED else file for file in data or (None,)]
-    for file in named:
-        if file is not None:
-            expect(file, DEFLECTIONS, model=model)
-    tables = [read_data(given.robot, file) for file in named]
-    table = join(tables)
-    say_notes(table.notes)
-    for one in tables:
-        check_readings(given, one, confirm_units=confirm_units)
-    return table, {f"data_{k}" if k > 1 else "data": one.sha256 for k, one in enumerate(tables, start=1)}
 
 
 def read_data(robot: Robot, file: Path | None) -> Measurements:
